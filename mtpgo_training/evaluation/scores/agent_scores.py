@@ -125,7 +125,7 @@ def score_agents(
     Args:
         mean: [n, M, H, 2] (m).
         weight: [n, M].
-        covariance: [n, M, H, 2, 2] (m^2) or None.
+        covariance: [n, M, H, 2, 2] (m^2), NaN where it is not known, or None.
         truth: [n, H, 2] (m).
         mask: [n, H] observed.
         sigma_factor_50: [n, H] of the 50 % ellipses, see :class:`~mtpgo_core.schema.Prediction`.
@@ -161,11 +161,12 @@ def score_agents(
         "nees": nees,
         "nees_mixture": metrics.mixture_nees(mean, weight, covariance, truth),
     }
+    drawn = ~np.isnan(nees)  # where there is an ellipse
     for percent in _PERCENT:
         inside_at = metrics.is_inside(nees, percent / 100.0, sigma_factor_50).astype(float)
-        values[f"coverage_{percent}"] = metrics.over_steps(inside_at, mask)
-        steps[f"coverage_{percent}"] = inside_at
-    shares = [metrics.share_inside(nees, mask, level, sigma_factor_50) for level in LEVELS]
+        values[f"coverage_{percent}"] = metrics.over_steps(inside_at, mask & drawn)
+        steps[f"coverage_{percent}"] = np.where(drawn, inside_at, np.nan)
+    shares = [metrics.share_inside(nees, mask & drawn, level, sigma_factor_50) for level in LEVELS]
     inside = np.stack(shares, axis=-1)
     return AgentScores(values, steps, inside, mask)
 

@@ -14,6 +14,7 @@ from mtpgo_training.evaluation.scores.agent_scores import (
     score_agents,
     score_paths,
 )
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 
 
 def scored(mask=(True, True)):
@@ -74,6 +75,23 @@ def test_without_a_covariance_only_distances_are_scored():
     spread = score_paths(path, truth, mask, np.tile(np.eye(2), (1, 2, 1, 1)))
     assert spread.values["ade"] == scores.values["ade"] == spread.values["min_ade"]
     np.testing.assert_allclose(spread.values["fnll"], np.log(2 * np.pi) + 4.5)
+
+
+def test_an_agent_whose_covariance_is_not_known_is_in_no_share():
+    """As a recorded prediction of another node may be; here one agent, and a step of the other."""
+    path, truth = np.zeros((2, 2, 2)), np.zeros((2, 2, 2))
+    covariance = np.tile(np.eye(2), (2, 2, 1, 1))
+    covariance[0, 1], covariance[1] = np.nan, np.nan
+    scores = score_paths(path, truth, np.ones((2, 2), dtype=bool), covariance)
+    for percent in (50, 90, 95):
+        np.testing.assert_array_equal(scores.values[f"coverage_{percent}"], [1.0, np.nan])
+        known = np.isfinite(scores.steps[f"coverage_{percent}"])
+        np.testing.assert_array_equal(known, [[True, False], [False, False]])
+    np.testing.assert_array_equal(scores.inside[0], 1.0)
+    assert np.isnan(scores.inside[1]).all()
+    table = ScoreTable()
+    table.add("m", "all", scores)
+    assert table.averages()["m"]["all"]["coverage_90"] == 1.0
 
 
 def test_some_of_the_agents_keep_their_columns():
