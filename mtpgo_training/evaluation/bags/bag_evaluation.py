@@ -16,7 +16,7 @@ from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import ConfigurationError, RecordingError
 from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start
+from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start, time_grid
 from mtpgo_core.schema import CalibrationStage, Prediction, Source
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.readers import load_recordings
@@ -128,7 +128,8 @@ def evaluate_bags(
         draw: keep the best and worst scenes for a picture.
 
     Raises:
-        RecordingError: see :func:`~msg_adapters.predictions.predictions_in_bag` and :func:`match`.
+        RecordingError: see :func:`~msg_adapters.predictions.predictions_in_bag` and :func:`match`;
+            or the predictions of a bag have different horizons.
         ConfigurationError: two bags, or a bag and a model, have the same name.
     """
     names = [bag_name(bag) for bag in bags]
@@ -157,6 +158,7 @@ def evaluate_bags(
                 "have the stamp of a later one, as of two predictors on one topic or of a bag "
                 "played twice; the last one of each stamp is scored"
             )
+        _require_one_horizon(bag, predictions)
         result.published[bag_called] = _by_calibration(predictions)
         result.warnings += _fallback_warning(bag, predictions)
         reading = _of(bag, options, topic)
@@ -198,6 +200,24 @@ def _by_pass(predictions: Sequence[Prediction]) -> list[list[Prediction]]:
             passes.append([])
         passes[-1].append(prediction)
     return passes
+
+
+def _require_one_horizon(bag: Path, predictions: Sequence[Prediction]) -> None:
+    """Check that the predictions of a bag may be of one model.
+
+    Raises:
+        RecordingError: they have different horizons.
+    """
+    found = dict.fromkeys(
+        f"{steps} steps of {time_grid(one.time_s)[1]:.4g} s" if steps > 1 else "1 step"
+        for one in predictions
+        if len(one) and (steps := len(one.time_s))
+    )
+    if len(found) > 1:
+        raise RecordingError(
+            f"the predictions in {bag} have different horizons ({', '.join(found)}), expected "
+            "those of one model"
+        )
 
 
 def _by_calibration(predictions: Sequence[Prediction]) -> dict[str, int]:

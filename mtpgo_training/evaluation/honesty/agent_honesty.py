@@ -85,9 +85,29 @@ class PredictedPaths:
 
     @classmethod
     def joined(cls, parts: Sequence[PredictedPaths]) -> PredictedPaths:
-        """Return the agents of several instants, given in the order of time."""
+        """Return the agents of several instants, given in the order of time.
+
+        Those with fewer modes than others get modes of the weight 0.
+        """
+        modes = max(part.weight.shape[1] for part in parts)
+        parts = [part._with_modes(modes) for part in parts]
         return cls(
             **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )
+
+    def _with_modes(self, modes: int) -> PredictedPaths:
+        """Return the agents with so many modes; those that they lack have the weight 0."""
+        lacking = modes - self.weight.shape[1]
+        if not lacking:
+            return self
+        none = [(0, 0), (0, lacking)]
+        return replace(
+            self,
+            mean=np.pad(self.mean, [*none, (0, 0), (0, 0)]),
+            weight=np.pad(self.weight, none),
+            covariance=np.pad(
+                self.covariance, [*none, (0, 0), (0, 0), (0, 0)], constant_values=np.nan
+            ),
         )
 
     @classmethod

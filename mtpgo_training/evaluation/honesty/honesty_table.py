@@ -87,11 +87,18 @@ class HonestyTable:
     def add(
         self, model: str, protocol: str, agents: ScoredAgents, predicted: PredictedPaths
     ) -> None:
-        """Add the agents of one instant; instants of a recording come in the order of time."""
+        """Add the agents of one instant; instants of a recording come in the order of time.
+
+        The number of modes may differ from instant to instant, as in a node that publishes fewer
+        where there are many road users; the horizon may not.
+        """
         if not len(predicted):
             return
         series = (model, protocol, agents.recording, agents.site)
         self._step_s.setdefault(series, agents.step_s)
+        waiting = self._waiting.get(series)
+        if waiting and waiting[0].weight.shape[1] != predicted.weight.shape[1]:
+            self._compute(series)  # what is said of weights is relative to the number of modes
         waiting = self._waiting.setdefault(series, [])
         waiting.append(predicted)
         if sum(map(len, waiting)) >= AT_ONCE:

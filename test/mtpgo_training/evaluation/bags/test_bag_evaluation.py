@@ -76,6 +76,43 @@ def test_recorded_paths_begin_where_the_road_users_were(tmp_path):
     assert straight["feasibility"]["reverses"] == straight["feasibility"]["overlaps"] == 0.0
 
 
+def test_a_node_may_publish_fewer_modes_where_there_are_many_road_users(tmp_path):
+    recording = make_recording(duration_s=8.0)
+
+    def published(number, modes=(2, 3)):
+        if number > 11:
+            return ()
+        one = perfect_prediction(recording, number, modes=modes[number // 4 % 2])
+        weight = np.tile([0.6, 0.3, 0.1][: one.mean.shape[1]], (2, 1))
+        return (dataclasses.replace(one, weight=weight / weight.sum(axis=1, keepdims=True)),)
+
+    bag = written(tmp_path / "fewer", recording, published)
+    result = evaluate_bags([bag], observed_recordings([bag]), {}, own_clock=False)
+    assert scores(result, "fewer")["n"] == 24
+    own = honesty_summary(result.evaluation.honesty)["fewer"]["all"]["all"]
+    assert own["n"] == 24
+    # Two thirds of the predictions have two modes. The third one is the truth, as the first.
+    assert own["weights"]["chance"] == pytest.approx((2.0 / 2.0 + 1.0 / 3.0) / 3.0)
+    assert own["weights"]["heaviest_nearest"] == pytest.approx((2.0 + 0.5) / 3.0)
+    # Each is compared with the one 0.2 s before it, whatever their modes.
+    assert own["consistency"]["n"] == 20
+    assert own["consistency"]["jump"] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("other", [{"horizon": 10}, {"horizon": 12, "dt_s": 0.4}])
+def test_predictions_of_different_horizons_are_refused(tmp_path, other):
+    recording = make_recording(duration_s=8.0)
+    bag = written(
+        tmp_path / "two",
+        recording,
+        lambda number: (perfect_prediction(recording, number, **(other if number > 5 else {})),),
+    )
+    steps, dt_s = other["horizon"], other.get("dt_s", 0.2)
+    sentence = rf"horizons \(25 steps of 0.2 s, {steps} steps of {dt_s} s\), expected those of one"
+    with pytest.raises(RecordingError, match=sentence):
+        evaluate_bags([bag], observed_recordings([bag]), {}, own_clock=False)
+
+
 @pytest.mark.parametrize("from_bag", [True, False])
 def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_bag):
     truth = observed_recordings([bag]) if from_bag else {"01": recording}
