@@ -67,6 +67,7 @@ OF_A_RUN: dict[str, object] = {
     "stride": None,
     "one_sample": False,
     "without_trails": False,
+    "without_lanes": False,
     "tracker": RECORDED,
     "tracker_seed": None,
     "unknown_classes": False,
@@ -87,6 +88,7 @@ WITHOUT_EFFECT = (
     (("policy",), "whose graphs were chosen by the node"),
     (("stride", "no_centre"), "all of which are scored as the node published them"),
     (("without_trails",), "which were made with the trails that the node knew"),
+    (("without_lanes",), "which were made with the lanes that the node knew"),
     (("one_sample",), "which have a past"),
     (("unknown_classes",), "whose classes were those that the node received"),
     (("calibration", "prefer"), "which were calibrated by the node"),
@@ -147,6 +149,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--without-trails",
         action="store_true",
         help="hide from models with scene.trails where earlier road users went",
+    )
+    add(
+        "--without-lanes",
+        action="store_true",
+        help="hide from models with scene.lane_ways the lanes of the recordings",
     )
     add(
         "--tracker",
@@ -251,6 +258,11 @@ def run(args: argparse.Namespace) -> int:
             f"--without-trails is given with {', '.join(runners)}, which do not see trails, "
             "expected a model with scene.trails"
         )
+    if args.without_lanes and not any(one.task.scene.lane_ways for one in runners.values()):
+        raise ConfigurationError(
+            f"--without-lanes is given with {', '.join(runners)}, which do not follow lanes, "
+            "expected a model with scene.lane_ways"
+        )
     settings = _settings(args)
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -280,6 +292,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         if not settings.trails:
             print("without trails: no earlier road user is known\n")
+        if not settings.lanes:
+            print("without lanes: models with scene.lane_ways see none\n")
         if settings.tracker_seed is not None:
             print(f"observed by a simulated tracker, seed {settings.tracker_seed}\n")
         if settings.unknown_classes:
@@ -327,6 +341,7 @@ def _settings(args: argparse.Namespace) -> Settings:
         min_future_s=args.min_future,
         one_sample=args.one_sample,
         trails=not args.without_trails,
+        lanes=not args.without_lanes,
         tracker_seed=(args.tracker_seed or 0) if args.tracker == SIMULATED else None,
         calibration=args.calibration or SHIPPED,
         prefer=args.prefer or PREFER_MODEL,

@@ -68,6 +68,7 @@ class Settings:
             first time.
         trails: models see where earlier road users went, see
             :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions`.
+        lanes: models with ``scene.lane_ways`` see the lanes of the recordings.
         tracker_seed: score what is predicted from the observations of a simulated tracker with
             this seed, None for the observations as recorded. The truth is the recording either
             way.
@@ -87,6 +88,7 @@ class Settings:
     min_future_s: float = 0.0
     one_sample: bool = False
     trails: bool = True
+    lanes: bool = True
     tracker_seed: int | None = None
     calibration: str = SHIPPED
     prefer: str = PREFER_MODEL
@@ -111,6 +113,8 @@ class Evaluation:
         scenes: the best and worst scenes of those models for which an entry was made before.
         rounded: name in the scores -> time between two scored instants (s), of the recordings
             whose frames do not have the stride that was asked for.
+        laneless: model with ``scene.lane_ways`` -> names in the scores of the recordings without
+            lanes, where it follows none, as the node would.
     """
 
     scores: ScoreTable = field(default_factory=ScoreTable)
@@ -118,6 +122,7 @@ class Evaluation:
     honesty: HonestyTable = field(default_factory=HonestyTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
     rounded: dict[str, float] = field(default_factory=dict)
+    laneless: dict[str, list[str]] = field(default_factory=dict)
 
     def add(
         self,
@@ -208,12 +213,22 @@ class Evaluation:
             )
             self.honesty.add(name, protocol, agents, paths)
 
+    def note_missing_lanes(
+        self, runners: Mapping[str, ModelRunner], recording: Recording, name: str
+    ) -> None:
+        """Note which models would follow lanes and find none in a recording."""
+        for model, runner in runners.items():
+            if runner.task.scene.lane_ways and not recording.lanes:
+                self.laneless.setdefault(model, []).append(name)
+
     def merge(self, other: Evaluation) -> None:
         """Add the results on other recordings."""
         self.scores.merge(other.scores)
         self.honesty.merge(other.honesty)
         self.recordings.update(other.recordings)
         self.rounded.update(other.rounded)
+        for model, names in other.laneless.items():
+            self.laneless.setdefault(model, []).extend(names)
         for name, scenes in other.scenes.items():
             self.scenes.setdefault(name, ExtremeScenes()).merge(scenes)
 
@@ -289,6 +304,8 @@ def evaluate_recording(
     name = recording.name if name is None else name
     result.recordings[name] = recording.sha256
     result.rounded |= rounded_strides({name: recording}, settings.stride_s)
+    if settings.lanes:
+        result.note_missing_lanes(runners, recording, name)
     first = next(iter(runners), None)
     if settings.calibration == OFF:
         runners = {model: runner.uncalibrated() for model, runner in runners.items()}
@@ -309,6 +326,7 @@ def evaluate_recording(
                 policy,
                 settings.path_smoothing_s,
                 trails=settings.trails,
+                lanes=settings.lanes,
             )
             for model in group
             for protocol, policy in (("all", settings.policy), ("centre", "each"))

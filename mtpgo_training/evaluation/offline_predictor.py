@@ -11,7 +11,8 @@ from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.scene_predictor import PredictorOptions, ScenePredictor
 from mtpgo_core.scene.lane_map import LaneMap
-from mtpgo_core.schema import Prediction
+from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_core.task.task_description import LANE_CONTEXTS, SceneConfig
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.scenes.history_replay import replay
 
@@ -26,6 +27,7 @@ def make_predictor(
     path_smoothing_s: float = 0.0,
     *,
     trails: bool = True,
+    lanes: bool = True,
 ) -> ScenePredictor:
     """Return the predictor that the node would run on this recording.
 
@@ -35,6 +37,8 @@ def make_predictor(
         policy: graph policy, None for the model's own.
         path_smoothing_s: see :class:`~mtpgo_core.prediction.scene_predictor.PredictorOptions` (s).
         trails: see there.
+        lanes: whether the model sees the recording's lanes. As in the node, a model with
+            ``scene.lane_ways`` runs without any; one whose context they are does not.
     """
     return ScenePredictor(
         runner,
@@ -44,9 +48,14 @@ def make_predictor(
             path_smoothing_s=path_smoothing_s,
             trails=trails,
         ),
-        lanes=LaneMap(recording.lanes) if recording.lanes else None,
+        lanes=_lanes(runner.task.scene, recording.lanes if lanes else ()),
         site=recording.location,
     )
+
+
+def _lanes(scene: SceneConfig, lines: Sequence[Float64Array]) -> LaneMap | None:
+    """Return the lanes that a model sees, None where it needs some and there are none."""
+    return None if not lines and scene.context in LANE_CONTEXTS else LaneMap(lines)
 
 
 def predict_as_the_node(

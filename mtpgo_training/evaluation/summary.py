@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
+from mtpgo_core.options import listed
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.evaluation.bags.bag_evaluation import PROTOCOL, BagResult
 from mtpgo_training.evaluation.evaluator import Settings
@@ -78,6 +79,7 @@ def summarise(
         "warnings": [
             *overlap_warnings(overlaps),
             *_horizon_warnings(evaluation.scores),
+            *_lane_warnings(evaluation.laneless),
             *result.warnings,
         ],
         "notes": [ONE_RECORDING] if len(evaluation.recordings) < 2 else [],
@@ -87,6 +89,7 @@ def summarise(
         "policy": settings.policy,
         "one_sample": settings.one_sample,
         "trails": None if from_bags else settings.trails,
+        "lanes": None if from_bags else settings.lanes,
         "calibration": None if from_bags else settings.calibration,
         "prefer": None if from_bags else settings.prefer,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
@@ -107,6 +110,15 @@ def _horizon_warnings(scores: ScoreTable) -> list[str]:
         f"{model} predicts {time_s:g} s ahead, the baselines {own_s:g} s: their errors cannot be "
         "compared, nor its errors with those of models that predict as far as the baselines"
         for model, time_s in other_horizons(scores).items()
+    ]
+
+
+def _lane_warnings(laneless: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return a sentence for each model that could have followed lanes."""
+    return [
+        f"{model} follows lanes, and none are known of {listed(sorted(set(names)))}: it is scored "
+        "without them there (--lane-file gives them)"
+        for model, names in laneless.items()
     ]
 
 

@@ -190,6 +190,8 @@ def _facts(content: Json) -> list[tuple[str, str]]:
     ]
     if content.get("trails") is False:
         facts.append(("trails", "no earlier road user was known"))
+    if content.get("lanes") is False:
+        facts.append(("lanes", "hidden from models with scene.lane_ways"))
     if content["one_sample"]:
         facts.append(("past", "forgotten before each instant: each road user has one sample"))
     if content.get("calibration") is not None:  # results from before it could be chosen lack it

@@ -309,6 +309,8 @@ class _RecordingEvaluation:
         self, result: BagResult, bag: str, predictions: Sequence[Prediction], *, first: bool
     ) -> None:
         """Compare the models with the bag at its instants; score them once for a recording."""
+        if first:
+            result.evaluation.note_missing_lanes(self.runners, self.recording, self.name)
         stamps = [p.stamp_ns for p in predictions]
         with_online = first and bool(result.published[bag].get(ONLINE))
         for model, runner in self.runners.items():

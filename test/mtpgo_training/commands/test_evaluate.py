@@ -257,6 +257,34 @@ def test_without_trails_a_model_that_sees_them_predicts_otherwise(tmp_path):
     assert scores[True]["cv"] == scores[False]["cv"]
 
 
+@pytest.mark.parametrize("hidden", [False, True])
+def test_recordings_without_lanes_are_scored_by_a_model_that_follows_lanes(hidden, data, capsys):
+    """As the node runs it there: ``mtpgo demo --model road`` scores such a bag."""
+    options = ["--without-lanes"] if hidden else []
+    assert run(data / "b", "--model", "road", *options) == 0
+    printed = capsys.readouterr()
+    warned = "road follows lanes, and none are known of" in printed.err
+    assert warned is not hidden
+    assert ("models with scene.lane_ways see none" in printed.out) is hidden
+
+
+def test_without_lanes_a_model_that_follows_them_predicts_otherwise(tmp_path):
+    out, scores = tmp_path / "scores.json", []
+    command = ["evaluate", "--data", str(HIGHWAY), "--layout", "highd", "--model", "road"]
+    command += ["--stride", "4", "--no-centre", "--quiet", "--json", str(out)]
+    for hidden in (False, True):
+        assert main([*command, *(["--without-lanes"] if hidden else [])]) == 0
+        content = json.loads(out.read_text())
+        assert content["lanes"] is not hidden
+        scores.append(content["models"]["road"]["all"]["ade"])
+    assert scores[0] != scores[1]
+
+
+def test_without_lanes_is_refused_where_no_model_follows_any(data, capsys):
+    assert run(data / "b", "--model", "default", "--without-lanes") == 2
+    assert "given with default, which do not follow lanes" in capsys.readouterr().err
+
+
 def test_without_trails_is_refused_where_no_model_sees_any(data, tmp_path, capsys):
     task = TaskDescription(name="blind", modes=2, horizon_steps=5, scene=CONFIG.scene)
     export_model(new_run().model, task, tmp_path / "blind.pt")
