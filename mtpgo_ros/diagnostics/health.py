@@ -1,10 +1,12 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""One verdict on the node for supervisors: one level, one sentence, since when.
+"""One verdict on the node for supervisors: one level, one message, since when.
 
-The verdict is the worst of the diagnostic statuses. It becomes worse immediately and better only
-after the worse level has not been seen for a while, so that a fault that comes and goes is one
-fault. What a change of the life cycle's state has ended is forgotten immediately.
+The verdict is the worst of the diagnostic statuses, and the message has a sentence for each that
+is not OK: bad predictions are often the consequence of a wrong input, which is only a warning. It
+becomes worse immediately and better only after the worse level has not been seen for a while, so
+that a fault that comes and goes is one fault. What a change of the life cycle's state has ended is
+forgotten immediately.
 """
 
 from __future__ import annotations
@@ -29,8 +31,8 @@ class Verdict:
 
     Attributes:
         level: OK, WARN or ERROR of diagnostic_msgs/DiagnosticStatus.
-        sentence: why.
-        cause: last word of the name of the status that it comes from, empty if all is well.
+        sentence: why; of several statuses the worst first, of equal levels in their order.
+        cause: last word of the name of the first of these statuses, empty if all is well.
         state: of the life cycle.
         since: time at which the level began, of the machine's clock.
         for_s: how long ago that was (s).
@@ -97,13 +99,16 @@ class HealthMonitor:
                 seen = self._held.setdefault((status.name, status.level), _Seen("", now_s))
                 seen.sentence, seen.seen_s = status.message, now_s
         self._held = {k: v for k, v in self._held.items() if now_s - v.seen_s <= HOLD_S}
-        level, sentence, cause = DiagnosticStatus.OK, "", ""
-        if self._held:
-            # Of equal levels the one that began first, so that the sentence does not alternate.
-            name, level = max(self._held, key=lambda key: key[1])
-            sentence, cause = self._held[name, level].sentence, name.split()[-1]
+        worst = dict(sorted(self._held))  # the worst level of each status
+        names = [status.name for status in statuses if status.name in worst]
+        names.sort(key=worst.__getitem__, reverse=True)  # equal levels stay in their order
+        if names:
+            level, cause = worst[names[0]], names[0].split()[-1]
+            said = [self._held[name, worst[name]].sentence for name in names]
         else:
-            sentence = "; ".join(status.message for status in statuses)
+            level, cause = DiagnosticStatus.OK, ""
+            said = [status.message for status in statuses]
+        sentence = "; ".join(dict.fromkeys(said))
         if level != self._level:
             self._level, self._began_s, self._since = level, now_s, self._wall_clock()
         for_s = now_s - self._began_s

@@ -40,7 +40,8 @@ def test_the_worst_status_decides(setup):
     verdict = setup.show(input_level=WARN)
     assert (verdict.level, verdict.cause, verdict.sentence) == (WARN, "input", "input said")
     verdict = setup.show(input_level=WARN, model_level=ERROR)
-    assert (verdict.level, verdict.cause, verdict.sentence) == (ERROR, "model", "model said")
+    assert (verdict.level, verdict.cause) == (ERROR, "model")
+    assert verdict.sentence == "model said; input said"
 
 
 def test_it_becomes_better_only_after_a_while(setup):
@@ -62,12 +63,23 @@ def test_a_fault_that_comes_and_goes_is_one_fault(setup):
     assert verdict.sentence == "model 36"  # the last sentence of that level
 
 
-def test_of_equal_levels_the_one_that_began_first_is_reported(setup):
+def test_of_equal_levels_the_first_status_is_reported_first_whichever_began_first(setup):
     setup.show(model_level=WARN)
     for step in range(10):
         setup.now = 0.1 * step
         verdict = setup.show(input_level=WARN, model_level=WARN)
-        assert verdict.cause == "model"
+        assert (verdict.cause, verdict.sentence) == ("input", "input said; model said")
+
+
+def test_a_status_whose_fault_has_become_less_is_reported_once(setup):
+    setup.show(input_level=ERROR, word="lost")
+    verdict = setup.show(input_level=WARN, word="odd")
+    assert (verdict.level, verdict.sentence) == (ERROR, "input lost")
+
+
+def test_a_sentence_that_all_statuses_have_is_reported_once():
+    statuses = [DiagnosticStatus(name=f"a: {n}", level=WARN, message="off") for n in ("b", "c")]
+    assert HealthMonitor().verdict(statuses, "inactive").sentence == "off"
 
 
 def test_a_change_of_state_forgets_what_it_has_ended(setup):
