@@ -65,6 +65,8 @@ class NodeStatus:
         input_timeout_s: age from which on the input is stale (s).
         frame_error: why the last observation could not be transformed into the fixed frame, empty
             if it was.
+        frame_problems: what is wrong with the frame of the last observation, which is used all the
+            same.
         ego_topic: resolved name of the topic with the ego's odometry, empty without one.
         ego_problem: why the ego was not known at the last observation, empty if it was.
         doubts: what does not look right in the input as a whole: units, frames, identities.
@@ -100,6 +102,7 @@ class NodeStatus:
     input: InputAge = field(default_factory=InputAge)
     input_timeout_s: float = 1.0
     frame_error: str = ""
+    frame_problems: list[str] = field(default_factory=list)
     ego_topic: str = ""
     ego_problem: str = ""
     doubts: list[str] = field(default_factory=list)
@@ -193,7 +196,7 @@ def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
         causes.append((ERROR, status.frame_error))
     if status.ego_problem:
         causes.append((WARN, f"no ego from {status.ego_topic}: {status.ego_problem}"))
-    causes += [(WARN, sentence) for sentence in status.doubts]
+    causes += [(WARN, sentence) for sentence in (*status.frame_problems, *status.doubts)]
     odd = events.recent(ODD_INPUT)
     if odd:
         causes.append((WARN, "odd input: " + ", ".join(odd)))
@@ -203,7 +206,8 @@ def _input_causes(status: NodeStatus, events: EventLog) -> list[Cause]:
 def _silence(status: NodeStatus) -> list[Cause]:
     """Return the cause of an input without usable observations."""
     age, limit_s = status.input, status.input_timeout_s
-    rejected = f"{age.rejected} messages since were rejected, the last one because of {age.reason}"
+    messages = f"{age.rejected} messages since were" if age.rejected > 1 else "1 message since was"
+    rejected = f"{messages} rejected, the last one because of {age.reason}"
     if age.age_s > limit_s and age.usable:
         sentence = (
             f"input is stale: the last usable observation on {status.topic} came"

@@ -92,10 +92,17 @@ class EventLog:
         self._lock = threading.Lock()
         self._counts: Counter[str] = Counter()
         self._last_counted_s: dict[str, float] = {}
+        self._details: dict[str, str] = {}
         self._lines: dict[str, _LogLine] = {}
 
     def count(
-        self, name: str, number: int = 1, reason: str = "", *, is_error: bool = False
+        self,
+        name: str,
+        number: int = 1,
+        reason: str = "",
+        *,
+        detail: str = "",
+        is_error: bool = False,
     ) -> None:
         """Add to a counter and log the reason; zero changes nothing.
 
@@ -103,6 +110,7 @@ class EventLog:
             name: of the counter.
             number: how many to add.
             reason: log line; without it the counter's description is logged, if it has one.
+            detail: what is known of this case; it follows the description.
             is_error: log an error instead of a warning.
         """
         if not number:
@@ -110,10 +118,12 @@ class EventLog:
         with self._lock:
             self._counts[name] += number
             self._last_counted_s[name] = self._clock()
+            self._details[name] = detail
         if reason:
             self.log(name, reason, number=number, is_error=is_error)
         elif name in _DESCRIPTIONS:
-            self.log(name, _DESCRIPTIONS[name], number=number, is_error=is_error)
+            line = _with_detail(_DESCRIPTIONS[name], detail)
+            self.log(name, line, number=number, is_error=is_error)
 
     def failure(self, what: str, error: Exception, counter: str = "") -> None:
         """Log an exception that the node survived, and count it.
@@ -126,7 +136,7 @@ class EventLog:
         text = " ".join(str(error).split()) or "no message"
         line = f"{what}: {type(error).__name__}: {text}"
         if counter:
-            self.count(counter, reason=line)
+            self.count(counter, reason=line, detail=text)
         else:
             self.log(what, line)
 
@@ -175,6 +185,7 @@ class EventLog:
         with self._lock:
             self._counts.clear()
             self._last_counted_s.clear()
+            self._details.clear()
 
     def counts(self) -> Mapping[str, int]:
         """Return all counters that are not zero."""
@@ -188,12 +199,12 @@ class EventLog:
             descriptions: from counter to description.
 
         Returns:
-            Descriptions, each with the counter's total.
+            Descriptions, each with the detail of its last case and the counter's total.
         """
         with self._lock:
             since_s = self._clock() - RECENT_S
             return [
-                f"{description} ({self._counts[name]} in all)"
+                _with_detail(description, self._details[name], f"{self._counts[name]} in all")
                 for name, description in descriptions.items()
                 if self._last_counted_s.get(name, -np.inf) >= since_s
             ]
@@ -206,8 +217,14 @@ def shortened(text: str) -> str:
     return f"{text[:LONGEST_TEXT]}... ({len(text)} characters)"
 
 
+def _with_detail(description: str, *details: str) -> str:
+    """Return a description with the details that are not empty behind it, in brackets."""
+    known = "; ".join(filter(None, details))
+    return f"{description} ({known})" if known else description
+
+
 def _with_number(kind: str, line: str, number: int, swallowed: int) -> str:
     """Return a line with the number of its occurrences since the last line of its kind."""
-    if _DESCRIPTIONS.get(kind) == line:
+    if kind in _DESCRIPTIONS and line.startswith(_DESCRIPTIONS[kind]):
         return f"{line}: {number + swallowed}"
     return f"{line} ({swallowed} more since)" if swallowed else line

@@ -157,15 +157,19 @@ class HistoryInput:
         self.report = None
         refused = self._refused_stamp(states.stamp_ns, now_ns, receipt)
         if refused:
-            self._reject(refused)
+            ahead = _ahead(states.stamp_ns, now_ns) if refused == "future_stamp" else ""
+            self._events.count(refused, detail=ahead)
+            self.rejection = ODD_INPUT[refused]
             return None
         set_forward = self._set_forward(states.stamp_ns, now_ns, self._sender_set(receipt))
         if set_forward:
             self._history.clear()
         self._forget_other_egos(ego_key, doubles, added=with_ego)
+        frames = f"{states.frame_id!r}, before {self._history.frame_id!r}"
         report = self._history.update(states, ego_key)
         for name in _COUNTED:
-            self._events.count(name, int(getattr(report, name)))
+            detail = frames if name in ("frame_changed", "wrong_frame") else ""
+            self._events.count(name, int(getattr(report, name)), detail=detail)
         if set_forward:
             self._events.count("clock_set", reason="the clock of the objects was set forward")
             # Only once: two senders whose clocks differ would otherwise clear it alternately.
@@ -227,11 +231,6 @@ class HistoryInput:
         number = self._history.track_numbers(key[None], stamp_ns)
         return bool(np.isin(number, self._history.observed).any())
 
-    def _reject(self, counter: str) -> None:
-        """Count an observation that does not enter the history."""
-        self._events.count(counter)
-        self.rejection = ODD_INPUT[counter]
-
     def _refused_stamp(self, stamp_ns: int, now_ns: int, receipt: Receipt) -> str:
         """Return the counter for a stamp that is not used, empty if it is; call once a message."""
         if stamp_ns <= 0:  # 1970 or before: the clock was not set
@@ -266,7 +265,7 @@ class HistoryInput:
         self._ahead += 1
         if self._ahead < _CONFIRMATIONS:
             return True
-        self._events.count("future_stamp")
+        self._events.count("future_stamp", detail=_ahead(stamp_ns, now_ns))
         return False
 
     def _sender_set(self, receipt: Receipt) -> bool:
@@ -296,6 +295,11 @@ class HistoryInput:
             self._events.count("delay_not_compensated")
             return 0
         return max(0, delay_ns)
+
+
+def _ahead(stamp_ns: int, now_ns: int) -> str:
+    """Return in words how far a stamp is ahead of the clock."""
+    return f"by {(stamp_ns - now_ns) * 1e-9:.1f} s"
 
 
 def _rejection(report: UpdateReport, accepted: int, objects: int, skipped_objects: int) -> str:

@@ -116,7 +116,7 @@ class PredictionPipeline:
         model.calibrator.live.clear_stream("clock_reset")
         model.configure(parameters, self.ego_text)
         status.frame_error = status.ego_problem = status.overload = ""
-        status.doubts = []
+        status.doubts, status.frame_problems = [], []
         status.agents = status.fallback_agents = status.preferred_agents = 0
         status.without_model_in_a_row = status.over_budget_in_a_row = 0
         self._tracks = TrackHistory(
@@ -283,7 +283,7 @@ class PredictionPipeline:
             self._events.count("not_lifted", reason=f"{dropped}: {error}")
             self.watch.reject(ODD_INPUT["not_lifted"])
         except MtpgoError as error:
-            self._events.count("malformed", reason=f"{dropped}: {error}")
+            self._events.count("malformed", reason=f"{dropped}: {error}", detail=str(error))
             self.watch.reject(ODD_INPUT["malformed"])
         except Exception as error:  # Whatever a message contains, the node keeps running.
             self._events.failure(dropped, error, "malformed")
@@ -341,7 +341,9 @@ class PredictionPipeline:
             limits=self.objects.limits,
             class_map=self._class_map,
         )
-        self._events.count("skipped_objects", decoded.skipped_total)
+        self._events.count(
+            "skipped_objects", decoded.skipped_total, detail=", ".join(decoded.skipped)
+        )
         objects = len(decoded.states) + decoded.skipped_total
         self._events.count("empty_messages", int(objects == 0))
         self._warn_of_frame(decoded.states)
@@ -350,18 +352,21 @@ class PredictionPipeline:
         return states, decoded.skipped_total
 
     def _warn_of_frame(self, states: TrackedStates) -> None:
+        """Report a frame that can be read but is not a usual fixed one."""
+        problems = {}
         if len(states) and (not states.frame_id or states.frame_id.startswith("/")):
-            self._events.log(
-                "frame name",
+            problems["frame name"] = (
                 f"objects come in frame {states.frame_id!r}, which neither TF nor displays accept:"
-                " expected a name without a leading slash in their header",
+                " expected a name without a leading slash in their header"
             )
         if not self._parameters.fixed_frame and moves_with_vehicle(states.frame_id):
-            self._events.log(
-                "moving frame",
+            problems["moving frame"] = (
                 f"objects come in frame {states.frame_id!r}, which usually moves with the vehicle:"
-                " set the parameter fixed_frame and publish odometry",
+                " set the parameter fixed_frame and publish odometry"
             )
+        for kind, sentence in problems.items():
+            self._events.log(kind, sentence)
+        self._status.frame_problems = list(problems.values())
 
     def _request(
         self, window: HistoryWindow, stamp_ns: int, received_ns: int

@@ -97,6 +97,9 @@ def test_every_other_cause_of_a_level_and_its_end(status):
     status.frame_error = "no odometry"
     assert levels(status, events) == [ERROR, OK, OK, OK, OK]
     status.frame_error = ""
+    status.frame_problems = ["a frame that moves"]
+    assert levels(status, events) == [WARN, OK, OK, OK, OK]
+    status.frame_problems = []
     status.namesake = "another node"
     assert levels(status, events) == [WARN, OK, OK, OK, OK]
     status.namesake = ""

@@ -61,6 +61,17 @@ def test_a_counter_logs_its_description_or_the_reason(logger, clock):
     assert events.counts() == {"late": 5, "malformed": 1, "qos_incompatible": 1, "messages": 1}
 
 
+def test_the_detail_of_the_last_case_follows_the_description(logger, clock):
+    events = EventLog(logger, clock)
+    events.count("skipped_objects", 15, detail="marker of type 2")
+    events.count("skipped_objects", 2, detail="marker of type 9")
+    description = "objects that could not be read"
+    assert logger.warnings == [f"{description} (marker of type 2): 15"]
+    assert events.recent({"skipped_objects": description}) == [
+        f"{description} (marker of type 9; 17 in all)"
+    ]
+
+
 def test_a_failure_is_one_line_and_counted_where_it_has_a_counter(logger, clock):
     events = EventLog(logger, clock)
     events.failure("the model failed", ValueError("no\n  good"), "model_failures")

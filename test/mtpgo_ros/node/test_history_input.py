@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 from ros_helpers import START_NS, traffic
 
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.prediction.output_assembly import with_time_origin
@@ -72,6 +73,14 @@ def test_delay_compensation_gives_the_window_at_the_present_time(make):
     assert history.update(traffic(1.0), at(0.9)).stamp_ns == at(1.0)
     assert history.update(traffic(2.0), at(2.6)).stamp_ns == at(2.0)
     assert events.counts() == {"delay_not_compensated": 1}
+
+
+def test_stamps_from_the_future_are_reported_with_how_far_ahead_they_are(make):
+    history, events, _ = make()
+    for k, ahead_s in enumerate((20.0, 20.0, 20.0, 21.5)):  # accepted from the third on
+        history.update(traffic(k + ahead_s), at(k))
+        (said,) = [text for text in events.recent(ODD_INPUT) if "ahead of the clock" in text]
+        assert said == f"messages ahead of the clock (by {ahead_s:.1f} s; {k + 1} in all)"
 
 
 @pytest.mark.parametrize(("scale", "doubts"), [(1.0, []), (3.6, ["velocities"])])

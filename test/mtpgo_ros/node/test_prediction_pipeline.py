@@ -8,11 +8,14 @@ import queue
 import time
 
 import pytest
+from geometry_msgs.msg import Pose, Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.lifecycle import LifecycleNode
 from ros_helpers import LIMIT_S, START_NS, RecordingLogger, message_of, traffic
+from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.registry import INPUTS
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.prediction.scene_predictor import PredictionReport
 from mtpgo_core.schema import AgentClass, Source
 from mtpgo_ros.diagnostics.diagnostic_status import NodeStatus
@@ -146,6 +149,26 @@ def test_nothing_is_learned_from_an_ego_that_is_not_published(make):
     assert keys[:, 0].tolist() == [1, 3]
 
 
+def test_objects_that_cannot_be_read_are_reported_with_the_reason(make):
+    setup = make()
+    sphere = Marker(type=Marker.SPHERE, pose=Pose(orientation=Quaternion(w=1.0)))
+    setup.pipeline._read(MarkerArray(markers=[sphere, sphere]), INPUTS["markers"], START_NS)
+    reason = "marker of type 2, neither CUBE nor CYLINDER"
+    assert setup.logger.warnings == [f"objects that could not be read ({reason}): 2"]
+    assert setup.events.recent(ODD_INPUT) == [
+        f"objects that could not be read ({reason}; 2 in all)"
+    ]
+
+
+def test_another_frame_is_reported_with_both_names(make):
+    setup = make()
+    setup.receive(message_of(traffic(0.0)))
+    setup.receive(message_of(traffic(0.2, frame_id="odom")))
+    assert "messages in another frame ('odom', before 'map'; 1 in all)" in setup.events.recent(
+        ODD_INPUT
+    )
+
+
 def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
     setup = make()
     message = message_of(traffic(0.0))
@@ -157,6 +180,9 @@ def test_what_cannot_be_read_is_counted_and_logged_with_the_reason(make):
     assert setup.events.counts() == {"messages": 2, "malformed": 2}
     (line,) = setup.logger.warnings
     assert line.startswith(f"message on {setup.pipeline.objects.topic} left out: ")
+    (said,) = setup.events.recent(ODD_INPUT)
+    assert said.startswith("messages that could not be read (")
+    assert said.endswith("; 2 in all)")
 
 
 def test_an_unexpected_exception_is_counted_as_malformed(make):
@@ -186,6 +212,9 @@ def test_a_moving_frame_is_reported_and_still_predicted(make, frame_id):
     setup.prediction()
     (line,) = setup.logger.warnings
     assert f"'{frame_id}', which usually moves with the vehicle" in line
+    assert setup.status.frame_problems == [line]
+    setup.receive(message_of(traffic(0.2, frame_id="map")))
+    assert setup.status.frame_problems == []
 
 
 def test_a_late_prediction_is_published_and_counted_as_a_missed_deadline(make):
@@ -261,6 +290,7 @@ def test_a_frame_that_no_tool_accepts_is_reported_and_still_predicted(make, fram
     assert setup.prediction().frame_id == frame_id
     (line,) = setup.logger.warnings
     assert f"frame '{frame_id}', which neither TF nor displays accept" in line
+    assert setup.status.frame_problems == [line]
 
 
 def test_nothing_of_an_earlier_activation_is_reported(make):
