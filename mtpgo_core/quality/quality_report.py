@@ -168,15 +168,19 @@ def judge_group(
         )
     found: list[tuple[Level, str]] = []
     for t in enough.tolist():
-        ade, cv, coverage = scores[t, _ADE], scores[t, _CV_ADE], scores[t, _COVERAGE]
+        ade, cv = scores[t, _ADE], scores[t, _CV_ADE]
         if ade > max(cv + _HARMLESS_M, (1.0 + _NOTICEABLE) * cv):
             level = Level.ERROR if ade > limits.error_cv_ratio * cv else Level.WARN
             text = f"worse than constant velocity at {TIMES_S[t]} s, ADE {ade:.2f} m to {cv:.2f} m"
             found.append((level, text))
-        if coverage < limits.warn_coverage:
-            level = Level.ERROR if coverage < limits.error_coverage else Level.WARN
-            hold = f"90 % ellipses hold {100.0 * coverage:.0f} % at {TIMES_S[t]} s"
-            found.append((level, hold))
+    coverage = scores[:, _COVERAGE]
+    small = [t for t in enough.tolist() if coverage[t] < limits.warn_coverage]
+    if small:
+        level = Level.ERROR if coverage[small].min() < limits.error_coverage else Level.WARN
+        shares = ", ".join(f"{100.0 * coverage[t]:.0f}" for t in small)
+        times = ", ".join(str(TIMES_S[t]) for t in small)
+        hold = f"90 % ellipses hold {shares} % of the true positions at {times} s"
+        found.append((level, hold))
     if found:
         worst = max(level for level, _ in found)
         return QualityVerdict(worst, f"{name}: " + ", ".join(text for _, text in found))

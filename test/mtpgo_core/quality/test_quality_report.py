@@ -62,6 +62,18 @@ def test_the_level(scores, level, words):
     assert words in verdict.message
 
 
+def test_ellipses_that_are_too_small_at_several_times_are_one_sentence():
+    early, later = report(coverage_90=0.75), report(coverage_90=0.03)
+    place = (slice(None), GROUPS.index("vehicle_moving"))
+    later.scores[(*place, 0)] = early.scores[(*place, 1)]
+    later.agents[(*place, 0)] = 20
+    verdict = judge(later, QualityLimits(), 300)
+    assert verdict.level == Level.ERROR
+    assert verdict.message == (
+        "moving vehicle: 90 % ellipses hold 75, 3 % of the true positions at 1, 3 s"
+    )
+
+
 def test_too_few_agents_are_not_judged():
     verdict = judge(report(agents=9, coverage_90=0.0), QualityLimits(), 60)
     assert verdict.level == Level.OK

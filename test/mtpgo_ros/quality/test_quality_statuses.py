@@ -45,7 +45,7 @@ def test_a_status_for_each_window_and_predicted_group(report):
 
 def test_the_summary_has_a_sentence_for_each_group_and_the_causes(report):
     values = summary_values(report, LIMITS, 300)
-    assert values["vehicle_moving"] == "90 % ellipses hold 70 % at 5 s"
+    assert values["vehicle_moving"] == "90 % ellipses hold 70 % of the true positions at 5 s"
     assert values["pedestrian_moving"] == "too few road users, 3 of 10 needed"
     assert values["no_truth_gap"] == "7"
     assert "vehicle_standing" not in values
