@@ -13,6 +13,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 REQUIREMENTS := requirements/development.txt requirements/lock.txt pyproject.toml setup.py setup.cfg
+# On a terminal pip shows its progress: gigabytes may take a quarter of an hour. Logs stay short.
+PIP_QUIET := $(if $(MAKE_TERMOUT),,-qq)
 PYTEST_ARGS ?=
 # Processes that share the test files. A file stays in one process, with its nodes and fixtures.
 TEST_PROCESSES ?= 2
@@ -185,7 +187,7 @@ $(STAMP): $(REQUIREMENTS)
 	  "packages (once; 2 GB, or 6 GB where pip takes PyTorch with CUDA; some minutes)"; \
 	"$$python" -m venv "$(VENV)"
 	@echo "== Installing requirements/development.txt"
-	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
+	@$(BIN)/python -m pip install $(PIP_QUIET) --disable-pip-version-check \
 	  -r requirements/development.txt -c requirements/lock.txt
 	@echo "== Installing this package (editable)"
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check \
