@@ -90,23 +90,25 @@ class HealthMonitor:
             statuses: of the node, at present.
             state: of the life cycle.
         """
-        now_s = self._clock()
+        now_s, ok = self._clock(), DiagnosticStatus.OK
         if state != self._state:
             self._state = state
             self._held.clear()
         for status in statuses:
-            if status.level != DiagnosticStatus.OK:
+            if status.level != ok:
                 seen = self._held.setdefault((status.name, status.level), _Seen("", now_s))
                 seen.sentence, seen.seen_s = status.message, now_s
         self._held = {k: v for k, v in self._held.items() if now_s - v.seen_s <= HOLD_S}
         worst = dict(sorted(self._held))  # the worst level of each status
-        names = [status.name for status in statuses if status.name in worst]
+        level = max(worst.values(), default=ok)
+        # What is over is said only as long as it holds the level.
+        names = [s.name for s in statuses if worst.get(s.name) == level or s.level != ok]
         names.sort(key=worst.__getitem__, reverse=True)  # equal levels stay in their order
         if names:
-            level, cause = worst[names[0]], names[0].split()[-1]
+            cause = names[0].split()[-1]
             said = [self._held[name, worst[name]].sentence for name in names]
         else:
-            level, cause = DiagnosticStatus.OK, ""
+            cause = ""
             said = [status.message for status in statuses]
         sentence = "; ".join(dict.fromkeys(said))
         if level != self._level:

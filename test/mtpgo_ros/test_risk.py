@@ -77,7 +77,10 @@ def test_it_starts_and_ends_with_a_signal_and_bad_input_is_one_sentence(
         heard.append(manager.recv(4096).decode())
     assert heard[0] == "READY=1"
     (sentence,) = {line for line in heard if line.startswith("STATUS=")}
-    assert sentence == "STATUS=no plan has come on /odometry yet; the risk is unknown"
+    assert sentence == (
+        "STATUS=no plan has come on /odometry yet; the risk is unknown;"
+        " nothing has come on /predictor/predictions yet"
+    )
     assert running.interrupt(signal.SIGTERM)[0] == 0
 
 

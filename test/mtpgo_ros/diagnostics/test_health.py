@@ -77,6 +77,13 @@ def test_a_status_whose_fault_has_become_less_is_reported_once(setup):
     assert (verdict.level, verdict.sentence) == (ERROR, "input lost")
 
 
+def test_what_is_over_is_not_said_beside_something_worse(setup):
+    setup.show(input_level=WARN, word="nothing has come")
+    verdict = setup.show(model_level=ERROR)
+    assert (verdict.level, verdict.sentence) == (ERROR, "model said")
+    assert setup.show().sentence == "model said"
+
+
 def test_a_sentence_that_all_statuses_have_is_reported_once():
     statuses = [DiagnosticStatus(name=f"a: {n}", level=WARN, message="off") for n in ("b", "c")]
     assert HealthMonitor().verdict(statuses, "inactive").sentence == "off"
