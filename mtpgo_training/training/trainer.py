@@ -151,6 +151,9 @@ def train(
         if not run.is_global_zero:  # the first process made the plan before it started this one
             config = run.config = SchedulePlan.load(plan_file).applied(config, recordings)
     if scenes is None:
+        if verbose:
+            named = len(splits.train) + len(splits.validation)
+            print(f"prepare    {named} recordings for training and validation", flush=True)
         scenes = prepare_scenes(config, splits, horizon, cache=cache, progress=progress)
     if not (checkpoint or initial):
         _fit_statistics(run, scenes)
@@ -163,6 +166,8 @@ def train(
     plan: SchedulePlan | None = None
     epochs = config.optimisation.epochs
     if shorten and creates_folder and limit.is_set:
+        if verbose:
+            print("measure    the time of steps and of a validation, for the plan", flush=True)
         plan = plan_for_time(run, scenes, limit.left_s, fabric.world_size)
         plan = dataclasses.replace(plan, of_epochs=epochs)
         config = run.config = plan.applied(config, recordings)

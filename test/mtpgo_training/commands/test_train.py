@@ -80,6 +80,7 @@ def test_a_run_says_what_it_does_and_what_comes_next(place, capsys):
     said, errors = capsys.readouterr()
     assert (status, errors) == (0, "")
     for expected in (
+        "prepare    3 recordings for training and validation\n",
         "train      2 of cars: ",
         "validate   1 of cars: ",
         "network    mtp-go, ",
@@ -98,6 +99,7 @@ def test_a_run_in_a_given_time_is_planned_validated_and_exportable(place, capsys
     assert cli.main(arguments(place, "timed", "--minutes", "0.02")) == 0
     said = capsys.readouterr().out
     assert "\nplan       " in said
+    assert said.index("\nmeasure    ") < said.index("\ntrain      ")
     assert " for 0.02 min in all\n" in said
     assert "next: mtpgo export" in said
     assert (place / "timed" / "plan.json").is_file()
