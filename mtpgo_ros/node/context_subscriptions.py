@@ -209,6 +209,7 @@ class _AnyPublisher:
             "qos_incompatible",
             event.total_count_change,
             f"a publisher on {self._topic} cannot be heard: its QoS policy {policy} does not fit",
+            detail=f"{policy} on {self._topic}",
             is_error=True,
         )
 

@@ -97,7 +97,8 @@ class FixedFrameTransform:
             stamp_ns, pose = dated_pose(message, "odometry")
         except MessageError as error:
             topic = self._subscription.topic_name
-            self._events.count("odometry_refused", reason=f"message on {topic} left out: {error}")
+            line = f"message on {topic} left out: {error}"
+            self._events.count("odometry_refused", reason=line, detail=str(error))
             return
         with self._lock:
             self._odometry_frames = frames

@@ -308,6 +308,7 @@ class ObjectsSubscription:
             event.total_count_change,
             f"a publisher on {self.topic} cannot be heard: its QoS policy {policy} does not fit"
             " best effort, volatile, without a deadline",
+            detail=f"{policy} on {self.topic}",
             is_error=True,
         )
 

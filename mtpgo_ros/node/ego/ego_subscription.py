@@ -95,7 +95,8 @@ class EgoSubscription:
             with self._lock:
                 self._odometry.add(message)
         except MtpgoError as error:
-            self._events.count("ego_refused", reason=f"message on {self.topic} left out: {error}")
+            line = f"message on {self.topic} left out: {error}"
+            self._events.count("ego_refused", reason=line, detail=str(error))
 
     def join(self, states: TrackedStates, key: KeyArray | None, to_frame: ToFrame) -> JoinedEgo:
         """Return the objects with the ego; counts doubles and messages without it."""

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from ros_helpers import START_NS, RecordingLogger, traffic
 
 from mtpgo_core.errors import FrameError
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_ros.diagnostics.event_log import EventLog
 from mtpgo_ros.node.frame_transform import FixedFrameTransform, NoTransform
 
@@ -102,6 +103,8 @@ def test_odometry_that_is_none_is_counted_and_changes_nothing(transform):
     assert transform._events.counts() == {"odometry_refused": 3}
     (line,) = transform._events._logger.warnings
     assert line == "message on /odometry left out: odometry has no stamp, expected the pose's time"
+    (said,) = transform._events.recent(ODD_INPUT)  # of the last one
+    assert "could not be used (odometry has the pose (0, 0) m, yaw nan rad" in said
 
 
 def test_odometry_of_a_tilted_frame_cannot_place_objects(transform):

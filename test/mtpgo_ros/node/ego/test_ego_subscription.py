@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_helpers import START_NS, message_of, traffic
 
+from mtpgo_core.history.odd_input import ODD_INPUT
 from mtpgo_core.identity import keys_from_texts
 from mtpgo_core.schema import AgentClass, Source
 from mtpgo_ros.diagnostics.event_log import EventLog
@@ -133,5 +134,7 @@ def test_unusable_odometry_is_counted_with_the_reason(node):
     message.pose.pose.position.x = np.nan
     source._on_odometry(message)
     assert events.counts() == {"ego_refused": 1}
+    (said,) = events.recent(ODD_INPUT)
+    assert "could not be used (odometry" in said
     source.close()
     assert node.count_subscribers("odom") == 0
