@@ -189,7 +189,13 @@ def test_a_twist_of_zeros_counts_once_there_was_another():
     slow = PoseBuffer()
     for k in range(2):  # a second apart, which tells nothing of the next moment
         slow.add(k * S_NS, Pose2(5.0 * k, 0.0, 0.0))
-    assert slow.at(S_NS + 100_000_000).x == 5.0
+    later = slow.at(S_NS + 100_000_000)
+    assert (later.x, later.y, later.yaw) == (5.0, 0.0, 0.0)
+
+
+def test_a_frame_rests_unless_its_motion_is_given():
+    rest = to_fixed_frame(vehicle_states(), Pose2(0.0, 0.0, 0.0), "map", relative_velocity=True)
+    np.testing.assert_allclose(rest.velocity, vehicle_states().velocity, atol=1e-12)
 
 
 def test_poses_may_come_in_any_order_and_are_forgotten():

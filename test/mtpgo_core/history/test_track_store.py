@@ -123,6 +123,17 @@ def test_unknown_attributes_keep_their_last_known_value():
     assert np.isnan(store.covariance[slot]).all()
 
 
+def test_of_a_first_change_of_velocity_half_is_noise_where_both_are_as_large():
+    """Two velocities differ by 0.141 m/s of noise, and by as much after 0.064 s at 2.2 m/s^2."""
+    acceleration = TrackStore(
+        HistoryConfig(acceleration_tau_s=1000.0), max_tracks=1, keep_ns=4 * S_NS
+    ).acceleration
+    slot, after_s = np.array([0]), 2**0.5 * 0.1 / 2.2
+    acceleration.step(slot, np.array([0.0]), np.array([[5.0, 0.0]]))
+    found = acceleration.step(slot, np.array([after_s]), np.array([[5.3, 0.0]]))
+    np.testing.assert_allclose(found, [[0.5 * 0.3 / after_s, 0.0]], rtol=1e-3)
+
+
 @pytest.mark.parametrize("max_tracks", [1, 64, 65])
 def test_every_limit_can_be_filled(max_tracks):
     store = store_of(max_tracks)

@@ -29,6 +29,14 @@ def test_it_rises_when_there_is_time_again_and_ends():
     assert agents[-1] == 1000
 
 
+def test_it_rises_slowly_and_doubles_in_seven_predictions():
+    limit = AgentLimit()
+    limit.add(250, 1000, took_s=0.2, allowed_s=0.1)
+    assert limit.agents == 100  # 0.8 of what fits into the time
+    _, agents = settle(per_agent_s=0.0001, cycles=8, limit=limit)
+    assert agents[6] < 200 <= agents[7] < 220
+
+
 @pytest.mark.parametrize("took_s", [1.0, 1e9])
 def test_it_never_falls_below_a_small_graph(took_s):
     limit = AgentLimit()

@@ -71,6 +71,20 @@ def test_a_path_that_turns_back_stops_where_it_does():
     np.testing.assert_array_equal(result.covariance, given.covariance)
 
 
+def test_of_two_vehicles_only_the_one_that_turns_back_is_changed():
+    good, bad = braking(heading=2.0), braking()
+    good.mean[0, 0] = good.mean[0, 1]
+    names = [f.name for f in dataclasses.fields(Prediction)]
+    rows = [n for n in names if n not in ("stamp_ns", "frame_id", "time_s")]
+    both = {n: np.concatenate([getattr(good, n), getattr(bad, n)]) for n in rows}
+    given = dataclasses.replace(good, **both)
+    ahead = given.initial[:, None, 2:].repeat(16, axis=1)
+    past = window_of(np.zeros((2, 16, 2)), ahead, np.zeros((2, 16)))
+    result = without_reversing(given, dataclasses.replace(past, agent_class=given.agent_class))
+    np.testing.assert_array_equal(result.mean[0], given.mean[0])
+    np.testing.assert_array_equal(result.mean[1], served(bad).mean[0])
+
+
 def test_a_path_that_reverses_from_the_start_stays_at_the_start():
     given = braking()
     given.mean[0, 0, :, :2] *= -1.0

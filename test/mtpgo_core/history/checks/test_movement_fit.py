@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from core_helpers import window_of
 
 from mtpgo_core.frames import rotate
 from mtpgo_core.history.checks.movement_fit import MovementFit
@@ -114,6 +115,41 @@ def test_headings_that_do_not_fit(heading, how):
 )
 def test_ordinary_sources_fit(settings):
     assert found(**settings) == ("", "")
+
+
+def problems_of_path(velocity, yaw, position, first=0):
+    """Return the two problems of ten agents of one path, samples [T] from ``first`` on."""
+    ten = [np.repeat(values[None], 10, axis=0) for values in (position, velocity, yaw)]
+    valid = np.broadcast_to(np.arange(len(yaw)) >= first, (10, len(yaw)))
+    fit = MovementFit()
+    for _ in range(6):
+        fit.look(window_of(*ten, valid=valid), CONFIG.dt_s)
+    return fit.velocity_problem, fit.heading_problem
+
+
+def test_only_the_last_second_is_compared():
+    """Ten steps to the east at 10 m/s, and then one second, five steps, to the north."""
+    north = np.arange(16) >= 10
+    velocity = np.where(north[:, None], [0.0, 10.0], [10.0, 0.0])
+    position = 2.0 * np.stack([np.minimum(np.arange(16), 10), np.maximum(np.arange(16) - 10, 0)], 1)
+    yaw = np.where(north, np.pi / 2, 0.0)
+    assert problems_of_path(velocity, yaw, position) == ("", "")
+    wrong, _ = problems_of_path(3.6 * velocity, yaw, position, first=10)
+    assert "3.6 times as large" in wrong  # one second of observations is enough
+    assert problems_of_path(3.6 * velocity, yaw, position, first=11) == ("", "")
+
+
+def test_the_heading_of_a_turn_is_compared_in_its_middle():
+    """At 2 rad/s the heading at the end of the second is 1 rad beyond the way travelled."""
+    yaw = 2.0 * CONFIG.dt_s * np.arange(16)
+    velocity = 8.0 * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    position = 4.0 * np.stack([np.sin(yaw), -np.cos(yaw)], axis=1)  # a circle of 4 m
+    assert problems_of_path(velocity, yaw, position)[1] == ""
+    assert "turned by" in problems_of_path(velocity, yaw + 1.0, position)[1]
+
+
+def test_pedestrians_without_velocities_are_noticed():
+    assert "nearly zero" in found(lambda v, yaw: 0.0 * v, speed_mps=1.2)[0]
 
 
 def test_a_few_comparisons_give_no_verdict():
