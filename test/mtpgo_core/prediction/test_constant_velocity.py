@@ -64,6 +64,15 @@ def test_covariance_grows_along_and_across_the_motion():
     np.testing.assert_allclose(values, np.stack([across, along], axis=1))
 
 
+def test_by_default_it_is_known_to_6_6_m_along_and_2_5_m_across_after_five_seconds():
+    """0.2 m and 0.3 m/s of the observation, 1 and 0.1 m^2/s^3 of the acceleration."""
+    window = window_of([1], [[0, 0]], velocity=[[0.0, 10.0]])
+    given = predict_constant_velocity(window, horizon_steps=1, dt_s=5.0)
+    expected = np.diag([0.04 + 0.09 * 25 + 0.1 * 125 / 3, 0.04 + 0.09 * 25 + 125 / 3])
+    np.testing.assert_allclose(given.covariance[0, 0, 0], expected, atol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(expected)), [2.5, 6.6], atol=0.05)
+
+
 def test_the_growth_is_that_of_white_acceleration():
     draw = np.random.default_rng(0)
     noise = ConstantVelocityNoise(position_std_m=0.4, velocity_std_mps=0.5, along_m2ps3=0.8)
