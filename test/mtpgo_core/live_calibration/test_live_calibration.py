@@ -12,6 +12,7 @@ from mtpgo_core.identity import keys_from_integers
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.served_tables import apply_factors
+from mtpgo_core.live_calibration.sigma_tracker import POOLS
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import AgentClass, CalibrationStage, Source, tracked_states
@@ -27,6 +28,7 @@ class Road:
 
     Attributes:
         served, shipped: the last prediction as published and as the model gave it.
+        stated_mps: the velocity in the messages (m/s), by default the true one.
     """
 
     def __init__(self, options=ONLINE, offset_m=0.0, horizon_steps=25, shipped_50=1.0):
@@ -36,6 +38,7 @@ class Road:
         self.live = LiveCalibration(options, config, horizon_steps)
         self.horizon_steps = horizon_steps
         self.offset_m = offset_m
+        self.stated_mps = SPEED_MPS
         self.step = 0
 
     def drive(self, seconds, *, jump=(), first_number=1, by_model=None):
@@ -54,7 +57,7 @@ class Road:
             "map",
             keys_from_integers(range(first_number, first_number + len(x))),
             np.stack([x, np.zeros(len(x))], axis=1),
-            velocity=np.tile([SPEED_MPS, 0.0], (len(x), 1)),
+            velocity=np.tile([self.stated_mps, 0.0], (len(x), 1)),
             agent_class=np.full(len(x), AgentClass.CAR, dtype=np.uint8),
         )
         self.live.observe(self.history, self.history.update(states))
@@ -190,6 +193,29 @@ def test_agents_without_the_model_get_the_factors_of_constant_velocity():
     assert (road.sigma(Source.CONSTANT_VELOCITY)[:10] < 0.9).all()
 
 
+def test_where_stated_velocities_are_too_large_constant_velocity_learns_that_it_misses():
+    """3 m/s too much: after a second 3 m, more than four of its standard deviations."""
+    road = Road()
+    road.stated_mps = SPEED_MPS + 3.0
+    road.drive(20.0, by_model=np.zeros(AGENTS, dtype=bool))
+    assert (road.sigma(Source.CONSTANT_VELOCITY)[1:10] > 1.5).all()
+    assert (road.sigma(Source.MODEL) == 1.0).all()
+
+
+def test_what_is_not_confirmed_is_forgotten_in_the_time_of_the_stream():
+    road = Road(LiveOptions(memory_s=20.0))
+    road.live.tracker.log_sigma[:] = 1.0
+    for road.step in range(51):
+        road.observe(np.empty(0))
+    any_moving = POOLS + MOVING
+    left = road.live.tracker.log_sigma[:, :, any_moving]
+    np.testing.assert_allclose(left, np.exp(-10.0 / 20.0))
+    road.step += 500  # a pause of 100 s counts as 5 s
+    road.observe(np.empty(0))
+    left = road.live.tracker.log_sigma[:, :, any_moving]
+    np.testing.assert_allclose(left, np.exp(-15.0 / 20.0))
+
+
 def test_teleports_teach_nothing():
     calm, odd = Road(), Road()
     calm.drive(15.0)
@@ -232,6 +258,7 @@ def test_preference_without_online_serves_constant_velocity_as_it_is():
     assert (served.source == Source.PREFERRED_CONSTANT_VELOCITY).all()
     np.testing.assert_allclose(served.covariance, road.shipped.covariance)
     assert (served.calibration == CalibrationStage.NONE).all()
+    assert (road.live.tracker.log_sigma == 0.0).all()
 
 
 def test_empty_scenes_and_agents_that_left_are_no_trouble():

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from live_stream import ErrorStream
+from live_stream import GROUP, ErrorStream
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.sigma_tracker import (
@@ -104,6 +104,17 @@ def test_groups_with_few_road_users_move_along_with_all():
     )
     standing = 0  # another motion is another kind of error
     assert (stream.sigma(group=standing) == 1.0).all()
+
+
+def test_road_users_of_a_group_are_counted_over_twenty_seconds():
+    """Ten cars per prediction for long, and then ten pedestrians for 20 s."""
+    stream = ErrorStream(agents=10)
+    stream.run(200)
+    stream.group[:] = PEDESTRIANS
+    stream.run(20)
+    assert stream.tracker.agents[GROUP] == pytest.approx(10.0 * np.exp(-1.0), rel=1e-3)
+    assert stream.tracker.agents[PEDESTRIANS] == pytest.approx(10.0 - 10.0 * np.exp(-1.0), rel=1e-3)
+    assert stream.tracker.agents[POOLS + 1] == pytest.approx(10.0)
 
 
 def test_unknown_class_is_the_pool():
