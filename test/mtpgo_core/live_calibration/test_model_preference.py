@@ -57,6 +57,15 @@ def test_too_few_road_users_change_nothing():
     assert preference.agents[MOVING] == 2
 
 
+def test_road_users_are_counted_for_the_time_of_the_preference():
+    preference = ModelPreference(OPTIONS)
+    pass_time(preference, 1, 2.0, 1.0, agents=2)
+    pass_time(preference, 20, 2.0, 1.0, agents=1)
+    assert preference.agents[MOVING] == 2  # the other was seen 20 s ago
+    pass_time(preference, 1, 2.0, 1.0, agents=1)
+    assert preference.agents[MOVING] == 1
+
+
 def test_rows_without_the_model_do_not_count():
     preference = ModelPreference(OPTIONS)
     pass_time(preference, 100, np.nan, 1.0)
