@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from mtpgo_core.frames import rotate
+from mtpgo_core.frames import rotate, rotate_covariance
 from mtpgo_core.risk.footprint_distance import (
     STANDARD_ERRORS,
     footprint_distance,
@@ -100,6 +100,23 @@ def test_the_smallest_distance_over_the_steps_is_found(yaw_spread, tolerance_m):
 def turn(yaw):
     c, s = np.cos(yaw), np.sin(yaw)
     return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+
+
+@pytest.mark.parametrize("angle", [0.4, -2.0])
+def test_a_turned_scene_has_the_same_smallest_distances(angle):
+    offset, covariance, ego_yaw, yaw, ego_size, size = paths(3, 1.5)
+    ego_yaw = np.linspace(0.0, 0.6, len(ego_yaw))  # the ego drives a bend
+    wanted = smallest_distances(offset, covariance, ego_yaw, yaw, ego_size, size)
+    found = smallest_distances(
+        rotate(offset, angle),
+        rotate_covariance(covariance, np.full(yaw.shape, angle)),
+        ego_yaw + angle,
+        yaw + angle,
+        ego_size,
+        size,
+    )
+    assert (wanted > 0.0).mean() > 0.5
+    np.testing.assert_allclose(found, wanted, atol=1e-3)
 
 
 def test_steps_that_are_not_known_do_not_count_and_a_path_without_any_is_infinite():

@@ -65,6 +65,11 @@ def test_values_outside_of_the_limits_are_refused(fields, sentence):
         GroupCalibration(**fields)
 
 
+def test_by_default_a_group_keeps_its_weights_and_claims_no_data():
+    group = GroupCalibration(factors=(1.0,))
+    assert (group.temperature, group.agents, group.sites) == (1.0, 0, 0)
+
+
 def test_factors_of_the_50_percent_ellipses_are_for_all_steps_or_none():
     assert GroupCalibration(factors=(1.0, 2.0), sigma_factors_50=(0.7, 0.6)).sigma_factors_50
     sentence = "sigma_factors_50 of any_moving are 1, expected none or one for each of the 2"
