@@ -174,6 +174,13 @@ def test_malformed_cloud_gets_one_sentence(message, sentence):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["mode", "step"])
+def test_a_further_field_of_a_tracker_is_no_prediction(name):
+    data = struct.pack("<ffIB", 3.0, 4.0, 7, 1)
+    found = ADAPTER.to_states(cloud([*XY_ID, field(name, 12, 2)], data, 13))
+    assert found.position.tolist() == [[3.0, 4.0]]
+
+
 def test_thousand_objects_decode_in_a_few_ms(offline):
     import time
 
