@@ -82,6 +82,14 @@ def test_weights_and_diversity():
     assert [found["bin_nearest_7"], found["bin_nearest_3"]] == [0.0, 1.0]
 
 
+def test_modes_are_as_far_apart_as_at_the_end_of_the_horizon():
+    given = paths(agents(1), weight=(0.7, 0.3))
+    given.mean[:, 1, :, 1] += 0.8 * TIME  # 4 m aside after 5 s, 0.16 m after the first step
+    found = values(given)
+    assert found["mode_distance"] == pytest.approx(2 * 0.7 * 0.3 * 4.0)
+    assert found["weight_near_heaviest"] == pytest.approx(0.7)
+
+
 def test_fallback_predictions_of_a_model_have_no_weights_to_judge():
     given = paths(agents(2), weight=(1.0, 0.0))
     given.by_model[1] = False
