@@ -35,6 +35,7 @@ def add(
     spread=1.0,
     step_s=0.2,
     since_start_s=np.nan,
+    protocol="all",
 ):
     """Add n agents whose one mode is ``error`` metres off, with ``spread`` as standard deviation.
 
@@ -55,7 +56,8 @@ def add(
         speed_mps=np.full(n, speed),
         since_start_s=since_start_s,
     )
-    table.add(model, "all", score_agents(mean, np.ones((n, 1)), covariance, truth, mask), agents)
+    scores = score_agents(mean, np.ones((n, 1)), covariance, truth, mask)
+    table.add(model, protocol, scores, agents)
 
 
 def filled():

@@ -57,6 +57,21 @@ def test_where_the_base_model_was_calibrated_is_kept_apart_from_the_site():
     assert TaskDescription.from_json(task.to_json()).calibration == again
 
 
+@pytest.mark.parametrize(("predicted", "own"), [(100, True), (99, False)])
+def test_a_group_is_fitted_from_a_hundred_predictions_on(predicted, own):
+    fitted = site_calibration(predictions(errors(2.0, predicted)).samples(), BASE)
+    place = GROUPS.index("vehicle_moving")
+    assert (fitted.groups[place] != BASE.groups[place]) == own
+
+
+def test_a_calibration_that_keeps_nothing_of_the_base_names_only_the_site():
+    samples = predictions(errors(2.0)).samples()
+    of_the_site = site_calibration(samples, Calibration())
+    base = dataclasses.replace(BASE, groups=of_the_site.groups)
+    assert site_calibration(samples, base) == of_the_site
+    assert of_the_site.base == ()
+
+
 def test_without_a_calibration_of_the_base_all_groups_are_fitted():
     fitted = site_calibration(predictions(errors(2.0)).samples(), Calibration())
     assert all(group.factors[0] > 2.0 for group in fitted.groups)

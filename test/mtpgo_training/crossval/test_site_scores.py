@@ -90,6 +90,12 @@ def test_coverage_is_given_by_time():
     assert row["coverage_90_at"] == {"1": 0.8, "3": 1.0, "5": 0.0}
 
 
+def test_scores_of_centre_agents_alone_do_not_count():
+    table = site_table()
+    add(table, 9.0, model="model", n=40, step_s=1.0, protocol="centre")
+    assert group_scores(table, HonestyTable()) == group_scores(site_table(), HonestyTable())
+
+
 def test_a_horizon_that_ends_earlier_has_no_coverage_there():
     table = ScoreTable()
     add(table, 1.0, model="model", step_s=0.2)

@@ -6,7 +6,7 @@ import pytest
 from known_scores import STANDS, TURNS, H, add, filled
 
 from mtpgo_training.evaluation.scores.agent_scores import LEVELS
-from mtpgo_training.evaluation.scores.score_summary import averages_table, breakdowns
+from mtpgo_training.evaluation.scores.score_summary import averages_table, breakdowns, titles_of
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.table_format import to_text
 
@@ -82,6 +82,13 @@ def test_intervals_over_recordings_and_the_share_of_constant_velocity():
     assert found["relative"]["cv"]["all"]["ade"] == {"value": 1.0, "low": 1.0, "high": 1.0}
 
 
+def test_there_is_no_share_of_a_baseline_without_error():
+    table = ScoreTable()
+    add(table, 1.0)
+    add(table, 0.0, model="cv")
+    assert breakdowns(table)["relative"] == {"m": {"all": {}}, "cv": {"all": {}}}
+
+
 def test_one_recording_has_no_intervals():
     table = ScoreTable()
     add(table, 1.0, step_s=float("nan"))
@@ -106,6 +113,18 @@ def test_the_table_of_averages_has_a_row_for_each_model():
     assert [line.split()[0] for line in lines[1:]] == ["m", "cv"]
     assert "ADE m" in lines[0]
     assert len({len(line) for line in lines}) == 1
+
+
+def test_a_column_is_shown_if_one_model_has_a_value():
+    table = ScoreTable()
+    add(table, 1.0)
+    add(table, 2.0, model="ca", spread=None)
+    shown = averages_table(table.averages())
+    place = list(shown.heads).index("ANLL") - 1
+    assert [row.cells[place] for row in shown.rows][1] == "-"
+    of_one = {"m": {"all": {"anll_kde": 1.0}}, "ca": {"all": {"anll_kde": None}}}
+    assert "ANLL kde" in titles_of(of_one).values()
+    assert "FNLL kde" not in titles_of(of_one).values()
 
 
 def test_columns_without_a_value_are_left_out_of_the_table():
