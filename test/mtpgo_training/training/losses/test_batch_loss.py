@@ -63,6 +63,27 @@ def test_the_first_phase_leaves_the_covariance_alone(model, batches):
     assert {"encoder", "decoder", "control"} <= touched
 
 
+def test_with_teacher_forcing_the_roll_out_sees_the_observed_states(model, batches):
+    fields, aim = batches[2], LossWeights(1, 0.0, 1.0)
+    target, observed = fields["target"][..., : model.config.state_size], fields["weight"] > 0.0
+    with torch.no_grad():
+        forced = training_loss(model, fields, aim, teacher_forcing=True)
+        free = training_loss(model, fields, aim)
+        output = model.roll_out(
+            fields["x"],
+            fields["valid"],
+            fields["static"],
+            initial_covariance=None,
+            with_covariance=True,
+            teacher=target,
+            teacher_valid=observed,
+            trails=None,
+        )
+        expected = negative_log_likelihood(*output, target, fields["weight"])
+    torch.testing.assert_close(forced, expected)
+    assert not torch.equal(forced, free)
+
+
 def test_the_validation_scores_what_the_evaluation_scores(tmp_path):
     """The same graphs above all: both keep their centres from one instant to the next."""
     scene = SceneConfig(max_neighbours=3, radius_m=60.0)
