@@ -238,7 +238,8 @@ def test_a_clock_that_is_set_back_keeps_what_was_learned():
 def test_constant_velocity_is_preferred_and_the_model_watched_until_it_is_better():
     options = LiveOptions(prefer="best", prefer_time_s=5.0, prefer_agents=5)
     road = Road(options, offset_m=2.0)
-    served = road.drive(12.0)
+    assert (road.drive(4.0).source == Source.MODEL).all()
+    served = road.drive(8.0)
     assert (served.source == Source.PREFERRED_CONSTANT_VELOCITY).all()
     assert (served.mean[..., 1] == 0.0).all()
     assert (np.linalg.det(served.covariance[:, 0]) < np.linalg.det(road.shipped.covariance[:, 0]))[
@@ -259,6 +260,18 @@ def test_preference_without_online_serves_constant_velocity_as_it_is():
     np.testing.assert_allclose(served.covariance, road.shipped.covariance)
     assert (served.calibration == CalibrationStage.NONE).all()
     assert (road.live.tracker.log_sigma == 0.0).all()
+
+
+def test_predictions_that_were_served_as_shipped_are_learned_from_as_such():
+    """Misses of 4.4 standard deviations, which ellipses four times as large would have held."""
+    road = Road(LiveOptions("shipped", prefer="best"))
+    road.stated_mps = SPEED_MPS + 3.0
+    road.live.tracker.log_sigma[:] = np.log(4.0)
+    by_model = np.zeros(AGENTS, dtype=bool)
+    road.drive(3.0, by_model=by_model)
+    road.live.configure(ONLINE)
+    road.drive(0.2, by_model=by_model)
+    assert road.sigma(Source.CONSTANT_VELOCITY)[4] > 4.0
 
 
 def test_empty_scenes_and_agents_that_left_are_no_trouble():

@@ -146,6 +146,8 @@ def test_a_mode_that_is_not_finite_makes_its_agent_unknown_but_no_other(field, v
     [
         ("mean", 1e9),
         ("mean", 1e38),
+        ("mean", [1e9, 0.0, 0.0, 0.0]),
+        ("mean", [0.0, 1e9, 0.0, 0.0]),
         ("yaw", 1e6),
         ("covariance", 2e8 * np.eye(2)),
         ("covariance", 1e38 * np.eye(2)),
@@ -180,6 +182,15 @@ def test_a_step_that_is_missing_leaves_the_others():
     risk = assess(given, STILL, BOX)
     assert risk.unknown.tolist() == [[0, Unknown.NO_PREDICTION, 0]]
     assert risk.agent_unknown.tolist() == [Unknown.PARTLY]
+
+
+def test_a_prediction_without_steps_is_unknown():
+    given = prediction([[3.0]])
+    names = ("mean", "yaw", "covariance")
+    none = {name: getattr(given, name)[:, :, :0] for name in names}
+    risk = assess(dataclasses.replace(given, time_s=np.empty(0), **none), STILL, BOX)
+    assert np.isnan([risk.peak[0], risk.peak_time_s[0], risk.at_least[0]]).all()
+    assert (risk.known_steps.tolist(), risk.probability.shape) == ([0], (1, 0))
 
 
 def test_no_agents():

@@ -33,6 +33,12 @@ def test_driving_back_is_found_whatever_the_heading(heading):
     assert reverses(along(stopping, heading), start(2.0, heading), DT) == [False]
 
 
+def test_driving_back_in_the_last_second_is_found():
+    back = 8.0 - 1.5 * (TIME - 4.0)
+    path = along(np.where(TIME <= 4.0, 2.0 * TIME, back))
+    assert reverses(path, start(2.0), DT) == [True]
+
+
 def test_a_little_back_after_a_stop_and_standing_agents_do_not_count():
     slightly = along(np.minimum(2.0 * TIME, 2.0) - 0.03 * TIME)
     assert reverses(slightly, start(2.0), DT) == [False]
