@@ -113,7 +113,9 @@ def test_road_users_of_a_group_are_counted_over_twenty_seconds():
     stream.group[:] = PEDESTRIANS
     stream.run(20)
     assert stream.tracker.agents[GROUP] == pytest.approx(10.0 * np.exp(-1.0), rel=1e-3)
-    assert stream.tracker.agents[PEDESTRIANS] == pytest.approx(10.0 - 10.0 * np.exp(-1.0), rel=1e-3)
+    assert stream.tracker.agents[PEDESTRIANS] == pytest.approx(
+        10.0 - 10.0 * np.exp(-1.0), rel=1e-3
+    )
     assert stream.tracker.agents[POOLS + 1] == pytest.approx(10.0)
 
 

@@ -40,6 +40,14 @@ def test_without_an_agent_ahead_the_features_are_neutral():
     np.testing.assert_array_equal(got, [REACH_M, 0, 0, 0] * 2)
 
 
+def test_whatever_is_ahead_leads_however_near():
+    """Pedestrians in a crowd, heading east: one 0.4 m ahead, one abreast."""
+    position = [[[0, 0]], [[0.4, 0.2]], [[0, 0.5]]]
+    window = window_of(position, np.ones((3, 1, 2)) * [1, 0], np.zeros((3, 1)))
+    gaps = leader_features(window, np.array([0]))[0, 0, [0, 4]]
+    np.testing.assert_allclose(gaps, [0.4, REACH_M])
+
+
 def test_an_absent_agent_is_no_leader_at_that_step():
     window = window_of(
         np.array([[[0, 0], [0, 0]], [[10, 0], [10, 0]]]),

@@ -131,7 +131,9 @@ def test_only_the_last_second_is_compared():
     """Ten steps to the east at 10 m/s, and then one second, five steps, to the north."""
     north = np.arange(16) >= 10
     velocity = np.where(north[:, None], [0.0, 10.0], [10.0, 0.0])
-    position = 2.0 * np.stack([np.minimum(np.arange(16), 10), np.maximum(np.arange(16) - 10, 0)], 1)
+    position = 2.0 * np.stack(
+        [np.minimum(np.arange(16), 10), np.maximum(np.arange(16) - 10, 0)], 1
+    )
     yaw = np.where(north, np.pi / 2, 0.0)
     assert problems_of_path(velocity, yaw, position) == ("", "")
     wrong, _ = problems_of_path(3.6 * velocity, yaw, position, first=10)
