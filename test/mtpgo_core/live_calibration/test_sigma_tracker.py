@@ -106,6 +106,15 @@ def test_groups_with_few_road_users_move_along_with_all():
     assert (stream.sigma(group=standing) == 1.0).all()
 
 
+def test_groups_with_enough_road_users_do_not_depend_on_others():
+    calm, disturbed = ErrorStream(agents=20), ErrorStream(agents=20)
+    for stream, erratic in ((calm, ()), (disturbed, range(10))):
+        stream.group[10:] = PEDESTRIANS
+        stream.run(20, erratic=erratic)  # cars
+    np.testing.assert_allclose(disturbed.sigma(group=PEDESTRIANS), calm.sigma(group=PEDESTRIANS))
+    assert (disturbed.sigma() > calm.sigma()).all()
+
+
 def test_road_users_of_a_group_are_counted_over_twenty_seconds():
     """Ten cars per prediction for long, and then ten pedestrians for 20 s."""
     stream = ErrorStream(agents=10)
