@@ -49,6 +49,7 @@ def test_every_class_is_in_one_class_group():
 def test_factors_that_decrease_are_refused():
     with pytest.raises(ConfigurationError, match=r"fall from 2 to 1\.5 at step 3, expected"):
         GroupCalibration(factors=(1.0, 2.0, 1.5))
+    assert GroupCalibration(factors=(1.0, 2.0, 2.0)).factors == (1.0, 2.0, 2.0)
 
 
 @pytest.mark.parametrize(
