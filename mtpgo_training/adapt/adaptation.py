@@ -23,6 +23,12 @@ from mtpgo_core.options import from_dict
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.adapt.adapt_options import FEWEST_AGENTS, AdaptOptions
 from mtpgo_training.adapt.adaptation_scores import SiteScores, score_site
+from mtpgo_training.adapt.covariance_training import (
+    COVARIANCE_COST,
+    covariance_epochs,
+    covariances_trained,
+    trains_covariances,
+)
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
 from mtpgo_training.adapt.site_predictions import SitePredictions, predict_site
 from mtpgo_training.adapt.weight_averaging import SHARES, between
@@ -131,8 +137,9 @@ def adapt(
         f"begins with ADE {before.ade_m:.3f} m of moving road users "
         f"(constant velocity {before.constant_velocity_ade_m:.3f} m)"
     )
-    # An epoch's two validations may begin just before the end; each share and the result have one.
-    reserve_s = (3 + len(SHARES)) * validation_s + EXPORT_S
+    # An epoch's two validations may begin just before the end; each share, the covariances and the
+    # result have one.
+    reserve_s = (4 + len(SHARES)) * validation_s + EXPORT_S
     end_s = started_s + 60.0 * options.minutes - reserve_s
     left_s = end_s - time.monotonic()
     if left_s <= 0.0:
@@ -140,20 +147,33 @@ def adapt(
             f"--minutes is {options.minutes:g}, expected at least "
             f"{options.minutes + 1.0 - left_s / 60.0:.0f}: reading and scoring took the time"
         )
-    config = _fitting(config, scenes, end_s)
+    plan = _fitting(config, scenes, end_s)
     with tempfile.TemporaryDirectory() as folder:
         run = train(
-            config,
+            plan.config,
             recordings,
             RunFolder(Path(folder) / "run"),
             init_from=base_path,
-            max_minutes=max(0.0, end_s - time.monotonic()) / 60.0,
+            max_minutes=max(0.0, end_s - plan.covariances_s - time.monotonic()) / 60.0,
             scenes=scenes,
             progress=progress,
         )
         tuned = _tuned_weights(run, Path(folder) / "run")
     share, weights, predictions, after = _best_share(base, tuned, scenes, before)
     checkpoint = _checkpoint(base, run, splits, weights)
+    if plan.covariance_epochs and run.received_signal is None:
+        checkpoint["average"] = covariances_trained(
+            checkpoint,
+            plan.config,
+            model,
+            recordings,
+            scenes,
+            plan.covariance_epochs,
+            max(0.0, end_s - time.monotonic()) / 60.0,
+            progress=progress,
+        )
+        predictions = predict_site(load_model(checkpoint, calibrated=False), scenes.validation)
+        after = score_site(cross_calibrated(predictions, base_calibration))
     checkpoint |= _calibrated(checkpoint, predictions.samples(), scenes, base_calibration)
     checkpoint["adapted_from"] = {
         "name": base["config"]["name"],
@@ -210,7 +230,7 @@ def adapted_config(
             config.optimisation,
             epochs=options.epochs,
             warm_up_share=0.0,
-            calibration_epochs=0,  # the calibration is fitted to the site afterwards
+            calibration_epochs=0,  # the covariances are trained afterwards
             consistency_weight=0.0,  # twice the steps in the same time
             train_only=(),  # of the base model's last stage
             learning_rate=options.learning_rate,
@@ -221,8 +241,23 @@ def adapted_config(
     )
 
 
-def _fitting(config: TrainingConfig, scenes: Scenes, end_s: float) -> TrainingConfig:
-    """Return the configuration with as many epochs as take the time, at most its own.
+@dataclass(frozen=True)
+class _Plan:
+    """What fits into the time.
+
+    Attributes:
+        config: of the training, with as many epochs as fit.
+        covariance_epochs: of the training of the covariances that follows, 0 for none.
+        covariances_s: time that is kept for it (s).
+    """
+
+    config: TrainingConfig
+    covariance_epochs: int
+    covariances_s: float
+
+
+def _fitting(config: TrainingConfig, scenes: Scenes, end_s: float) -> _Plan:
+    """Return the plan with as many epochs as take the time, at most those of the configuration.
 
     The learning rate falls over all epochs, so a training that the clock cuts off is not done.
 
@@ -233,11 +268,19 @@ def _fitting(config: TrainingConfig, scenes: Scenes, end_s: float) -> TrainingCo
     """
     network = build_network(config.network, config.model, config.history, config.scene)
     cost = measure_epoch(TrainingRun(network, config), scenes, time.monotonic)
-    left_s = SHARE_OF_TIME * (end_s - time.monotonic())
+    left_s = end_s - time.monotonic()
+    last, last_s = 0, 0.0
+    if trains_covariances(config.network, network):
+        epoch_s = COVARIANCE_COST * cost.likelihood
+        # At most a quarter of the time: where it is short, the modes come first.
+        fitting = int(0.25 * SHARE_OF_TIME * left_s / epoch_s)
+        last = max(1, min(covariance_epochs(config, cost.scenes), fitting))
+        last_s = min(last * epoch_s + cost.validation, 0.5 * left_s)
     options = config.optimisation
-    fitting = int(left_s / (cost.likelihood + cost.validation))
+    fitting = int((SHARE_OF_TIME * left_s - last_s) / (cost.likelihood + cost.validation))
     epochs = max(1, min(options.epochs, fitting))
-    return dataclasses.replace(config, optimisation=dataclasses.replace(options, epochs=epochs))
+    planned = dataclasses.replace(config, optimisation=dataclasses.replace(options, epochs=epochs))
+    return _Plan(planned, last, last_s)
 
 
 def _scenes_of(

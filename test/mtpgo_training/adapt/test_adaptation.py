@@ -121,8 +121,9 @@ def test_epochs_that_would_take_too_long_are_left_out(base, monkeypatch):
     monkeypatch.setattr(
         module, "measure_epoch", lambda run, scenes, clock: EpochCost(1.0, 100.0, 20.0, 10)
     )
-    options = dataclasses.replace(OPTIONS, epochs=20, minutes=8.0)
-    assert adapt(base, site(), options, name="mine").epochs == 3  # of 120 s, in 85 % of 8 min
+    options = dataclasses.replace(OPTIONS, epochs=20, minutes=10.0)
+    # Of 120 s, in 85 % of ten minutes, and one of the covariances.
+    assert adapt(base, site(), options, name="mine").epochs == 3
 
 
 def test_an_interrupt_keeps_the_best_weights_so_far(base, monkeypatch):
@@ -180,7 +181,7 @@ def test_the_training_keeps_the_task_and_draws_a_part_of_many_scenes(base):
     assert part.optimisation.warm_up_share == 0.0
 
 
-def test_the_training_has_no_epochs_for_the_covariances_which_are_calibrated_afterwards(base):
+def test_the_training_has_no_epochs_for_the_covariances_which_have_a_training_of_their_own(base):
     checkpoint = base_checkpoint()
     checkpoint["config"]["optimisation"] |= {"epochs": 6, "calibration_epochs": 1}
     config = adapted_config(checkpoint, site(), AdaptOptions(epochs=1), "mine")
