@@ -148,6 +148,22 @@ def test_poses_of_other_frames_are_not_mixed(transform):
     assert states.position == pytest.approx(np.array([[150.0, 1.0]]))
 
 
+class SilentListener:
+    """A listener of TF that hears nothing."""
+
+    def __init__(self, buffer, node, *, spin_thread):
+        pass
+
+    def unregister(self):
+        pass
+
+
+def give_tf(monkeypatch, buffer):
+    """Stand in for tf2_ros, of which there is no wheel, with a buffer."""
+    module = types.SimpleNamespace(Buffer=buffer, TransformListener=SilentListener)
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+
+
 def test_tf_serves_where_the_odometry_has_no_pose_at_the_time(monkeypatch):
     """It may come twice a second, or have ended."""
 
@@ -160,15 +176,7 @@ def test_tf_serves_where_the_odometry_has_no_pose_at_the_time(monkeypatch):
             transform.transform.rotation.w = 1.0
             return transform
 
-    class TransformListener:
-        def __init__(self, buffer, node, *, spin_thread):
-            pass
-
-        def unregister(self):
-            pass
-
-    module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
-    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    give_tf(monkeypatch, Buffer)
     node = Node("transform")
     one = FixedFrameTransform(node, "odom", EventLog())
     one.add_odometry(odometry(0.0, 100.0))
@@ -192,15 +200,7 @@ def test_an_optical_frame_of_a_camera_is_refused(monkeypatch):
             rotation.x, rotation.y, rotation.z, rotation.w = turn
             return transform
 
-    class TransformListener:
-        def __init__(self, buffer, node, *, spin_thread):
-            pass
-
-        def unregister(self):
-            pass
-
-    module = types.SimpleNamespace(Buffer=Buffer, TransformListener=TransformListener)
-    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    give_tf(monkeypatch, Buffer)
     node = Node("transform")
     one = FixedFrameTransform(node, "odom", EventLog())
     states = traffic(0.0, agents=1, frame_id="camera_optical_frame")
