@@ -25,8 +25,9 @@ from mtpgo_training.adapt.adapt_options import FEWEST_AGENTS, AdaptOptions
 from mtpgo_training.adapt.adaptation_scores import SiteScores, score_site
 from mtpgo_training.adapt.covariance_training import (
     COVARIANCE_COST,
+    covariance_config,
     covariance_epochs,
-    covariances_trained,
+    train_covariances,
     trains_covariances,
 )
 from mtpgo_training.adapt.site_calibration import cross_calibrated, site_calibration
@@ -161,17 +162,18 @@ def adapt(
         tuned = _tuned_weights(run, Path(folder) / "run")
     share, weights, predictions, after = _best_share(base, tuned, scenes, before)
     checkpoint = _checkpoint(base, run, splits, weights)
-    if plan.covariance_epochs and run.received_signal is None:
-        checkpoint["average"] = covariances_trained(
+    received_signal = run.received_signal
+    if plan.covariances is not None and received_signal is None:
+        last = train_covariances(
             checkpoint,
-            plan.config,
-            model,
+            plan.covariances,
             recordings,
             scenes,
-            plan.covariance_epochs,
             max(0.0, end_s - time.monotonic()) / 60.0,
             progress=progress,
         )
+        received_signal = last.received_signal
+        checkpoint["average"] = _averaged(last)
         predictions = predict_site(load_model(checkpoint, calibrated=False), scenes.validation)
         after = score_site(cross_calibrated(predictions, base_calibration))
     checkpoint |= _calibrated(checkpoint, predictions.samples(), scenes, base_calibration)
@@ -192,7 +194,7 @@ def adapt(
         sum(recording.duration_s for recording in trained) / 60.0,
         len(trained),
         sum(len(recording.track_id) for recording in trained),
-        run.received_signal,
+        received_signal,
     )
 
 
@@ -247,12 +249,12 @@ class _Plan:
 
     Attributes:
         config: of the training, with as many epochs as fit.
-        covariance_epochs: of the training of the covariances that follows, 0 for none.
+        covariances: of the training of the covariances that follows, None without one.
         covariances_s: time that is kept for it (s).
     """
 
     config: TrainingConfig
-    covariance_epochs: int
+    covariances: TrainingConfig | None
     covariances_s: float
 
 
@@ -269,18 +271,20 @@ def _fitting(config: TrainingConfig, scenes: Scenes, end_s: float) -> _Plan:
     network = build_network(config.network, config.model, config.history, config.scene)
     cost = measure_epoch(TrainingRun(network, config), scenes, time.monotonic)
     left_s = end_s - time.monotonic()
-    last, last_s = 0, 0.0
+    covariances, covariances_s = None, 0.0
     if trains_covariances(config.network, network):
         epoch_s = COVARIANCE_COST * cost.likelihood
         # At most a quarter of the time: where it is short, the modes come first.
         fitting = int(0.25 * SHARE_OF_TIME * left_s / epoch_s)
-        last = max(1, min(covariance_epochs(config, cost.scenes), fitting))
-        last_s = min(last * epoch_s + cost.validation, 0.5 * left_s)
+        epochs = max(1, min(covariance_epochs(config, cost.scenes), fitting))
+        covariances = covariance_config(config, network, epochs)
+        covariances_s = min(epochs * epoch_s + cost.validation, 0.5 * left_s)
     options = config.optimisation
-    fitting = int((SHARE_OF_TIME * left_s - last_s) / (cost.likelihood + cost.validation))
+    left_s = SHARE_OF_TIME * left_s - covariances_s
+    fitting = int(left_s / (cost.likelihood + cost.validation))
     epochs = max(1, min(options.epochs, fitting))
     planned = dataclasses.replace(config, optimisation=dataclasses.replace(options, epochs=epochs))
-    return _Plan(planned, last, last_s)
+    return _Plan(planned, covariances, covariances_s)
 
 
 def _scenes_of(
@@ -328,6 +332,11 @@ def _tuned_weights(run: TrainingRun, folder: Path) -> dict[str, Tensor]:
         raise ConfigurationError(
             "the training ended before its first step, expected more time with --minutes"
         )
+    return _averaged(run)
+
+
+def _averaged(run: TrainingRun) -> dict[str, Tensor]:
+    """Return the averaged weights of a run in its final state."""
     return {name: value.cpu() for name, value in run.average.state_dict().items()}
 
 

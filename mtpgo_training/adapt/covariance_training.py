@@ -17,14 +17,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from torch import Tensor
-
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.data_loading import Scenes
 from mtpgo_training.training.loop.trained_parts import calibrated_parts
 from mtpgo_training.training.networks import family
 from mtpgo_training.training.run_folder import Checkpoint, RunFolder, write_checkpoint
+from mtpgo_training.training.run_state import TrainingRun
 from mtpgo_training.training.trainer import train
 from mtpgo_training.training.training_config import TrainingConfig
 
@@ -84,34 +83,33 @@ def covariance_config(
     )
 
 
-def covariances_trained(
+def train_covariances(
     checkpoint: Checkpoint,
     config: TrainingConfig,
-    model: TrajectoryPredictor,
     recordings: Sequence[NamedRecording],
     scenes: Scenes,
-    epochs: int,
     max_minutes: float,
     *,
     progress: bool,
-) -> dict[str, Tensor]:
-    """Return the weights of a network whose covariances were trained on a site.
+) -> TrainingRun:
+    """Train the covariances of a network on a site.
 
     Args:
         checkpoint: of the network.
-        config: of the adaptation that it is from.
-        model: a network of the same form.
+        config: of :func:`covariance_config`.
         recordings: of the site.
         scenes: of these recordings.
-        epochs: of the training.
         max_minutes: time limit (min).
         progress: show a bar.
+
+    Returns:
+        The run in its final state.
     """
     with tempfile.TemporaryDirectory() as folder:
         start = Path(folder) / "adapted.ckpt"
         write_checkpoint(start, {**checkpoint, "metrics": {}})  # of no use there
-        run = train(
-            covariance_config(config, model, epochs),
+        return train(
+            config,
             recordings,
             RunFolder(Path(folder) / "run"),
             init_from=start,
@@ -119,4 +117,3 @@ def covariances_trained(
             scenes=scenes,
             progress=progress,
         )
-    return {name: value.cpu() for name, value in run.average.state_dict().items()}

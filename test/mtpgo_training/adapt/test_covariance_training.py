@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The last part of an adaptation trains the covariances of every mode, and nothing else."""
 
+import signal
+
 import pytest
 import torch
 from site_data import SITE_CONFIG, base_checkpoint, site, write_base
@@ -11,8 +13,9 @@ from mtpgo_training.adapt import adaptation as module
 from mtpgo_training.adapt.adapt_options import AdaptOptions
 from mtpgo_training.adapt.adaptation import adapt, adapted_config
 from mtpgo_training.adapt.covariance_training import (
+    covariance_config,
     covariance_epochs,
-    covariances_trained,
+    train_covariances,
     trains_covariances,
 )
 from mtpgo_training.adapt.site_predictions import predict_site
@@ -34,10 +37,15 @@ def trained_on_the_site(checkpoint, times=1):
     )
     scenes = prepare_scenes(config, splits, model.config.horizon_steps, progress=False)
     epochs = times * covariance_epochs(config, scenes=len(scenes.training))
-    weights = covariances_trained(
-        checkpoint, config, model, site(), scenes, epochs, max_minutes=1.0, progress=False
+    run = train_covariances(
+        checkpoint,
+        covariance_config(config, model, epochs),
+        site(),
+        scenes,
+        max_minutes=1.0,
+        progress=False,
     )
-    return scenes, weights
+    return scenes, run.average.state_dict()
 
 
 def inside_90(checkpoint, weights, scenes):
@@ -74,13 +82,26 @@ def test_an_adaptation_ends_with_it(tmp_path, monkeypatch):
 
     def known(checkpoint, config, *arguments, **options):
         started_with.update(checkpoint["average"])
-        return covariances_trained(checkpoint, config, *arguments, **options)
+        return train_covariances(checkpoint, config, *arguments, **options)
 
-    monkeypatch.setattr(module, "covariances_trained", known)
+    monkeypatch.setattr(module, "train_covariances", known)
     found = adapt(write_base(tmp_path / "run"), site(), OPTIONS, name="mine").checkpoint["average"]
     changed = {name for name in found if not torch.equal(found[name], started_with[name])}
     assert changed
     assert {name.partition(".")[0] for name in changed} <= set(CALIBRATED_PARTS)
+
+
+def test_an_interrupt_in_it_is_passed_on(tmp_path, monkeypatch):
+    """The command ends with status 130 then, as in the training before."""
+
+    def interrupted(*arguments, **options):
+        run = train_covariances(*arguments, **options)
+        run.received_signal = signal.SIGINT
+        return run
+
+    monkeypatch.setattr(module, "train_covariances", interrupted)
+    found = adapt(write_base(tmp_path / "run"), site(), OPTIONS, name="mine")
+    assert found.received_signal == signal.SIGINT
 
 
 @pytest.mark.parametrize(("scenes", "epochs"), [(1, 960), (96, 10), (959, 2), (960, 1), (0, 960)])
