@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -253,16 +253,10 @@ def run(args: argparse.Namespace) -> int:
     from mtpgo_training.evaluation.summary import summarise
 
     runners = load_models(args.model)
-    if args.without_trails and not any(one.task.scene.trails for one in runners.values()):
-        raise ConfigurationError(
-            f"--without-trails is given with {', '.join(runners)}, which do not see trails, "
-            "expected a model with scene.trails"
-        )
-    if args.without_lanes and not any(one.task.scene.lane_ways for one in runners.values()):
-        raise ConfigurationError(
-            f"--without-lanes is given with {', '.join(runners)}, which do not follow lanes, "
-            "expected a model with scene.lane_ways"
-        )
+    if args.without_trails:
+        _require_scene_option(runners, "--without-trails", "trails", "see trails")
+    if args.without_lanes:
+        _require_scene_option(runners, "--without-lanes", "lane_ways", "follow lanes")
     settings = _settings(args)
     if args.predictions:
         result = _from_bags(args, runners, topic)
@@ -312,6 +306,27 @@ def run(args: argparse.Namespace) -> int:
         print(f"mtpgo: {failures_text(result.failures, len(jobs))}", file=sys.stderr)
         return 1
     return 0
+
+
+def _require_scene_option(
+    runners: Mapping[str, ModelRunner], option: str, key: str, what_it_does: str
+) -> None:
+    """Check that a model has what an option hides from it.
+
+    Args:
+        runners: the models by name.
+        option: that was given.
+        key: of the scene's configuration, which is true for such a model.
+        what_it_does: such a model, in words.
+
+    Raises:
+        ConfigurationError: no model has it.
+    """
+    if not any(getattr(runner.task.scene, key) for runner in runners.values()):
+        raise ConfigurationError(
+            f"{option} is given with {', '.join(runners)}, which do not {what_it_does}, "
+            f"expected a model with scene.{key}"
+        )
 
 
 def _print_results(args: argparse.Namespace) -> None:
