@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from mtpgo_core.scene.departed_agents import with_departed
 from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_around
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.leader_context import leader_features
+from mtpgo_core.scene.track_noise import track_noise
 from mtpgo_core.scene.traffic_context import traffic_features
 from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.schema import (
@@ -145,16 +146,23 @@ def scene_frames(
 def static_features(window: HistoryWindow, config: SceneConfig) -> Float32Array:
     """Return [n, C] the static features, in the order of ``SceneConfig.static_features``.
 
-    The one-hot class and, with ``config.sizes``, length and width (divided by ``SIZE_SCALES``)
-    and 1; all three are 0 where the tracker gives no size.
+    The one-hot class; with ``config.sizes`` length and width (divided by ``SIZE_SCALES``) and 1,
+    all three 0 where the tracker gives no size; with ``config.track_noise`` what
+    :func:`~mtpgo_core.scene.track_noise.track_noise` returns.
     """
-    classes = class_one_hot(window.agent_class, config.classes)
-    if not config.sizes:
-        return classes
-    known = (np.nan_to_num(window.size, nan=0.0, posinf=0.0) > 0.0).all(axis=1, keepdims=True)
-    size = np.where(known, np.nan_to_num(window.size) / SIZE_SCALES, 0.0)
-    columns = (classes, np.minimum(size, LARGEST_SIZE), known)
+    columns: list[NDArray[Any]] = [class_one_hot(window.agent_class, config.classes)]
+    if config.sizes:
+        columns.append(_sizes(window.size))
+    if config.track_noise:
+        columns.append(track_noise(window))
     return np.concatenate(columns, axis=1).astype(np.float32)
+
+
+def _sizes(size: Float64Array) -> Float64Array:
+    """Return [n, 3] scaled length and width, and whether they are known."""
+    known = (np.nan_to_num(size, nan=0.0, posinf=0.0) > 0.0).all(axis=1, keepdims=True)
+    scaled = np.where(known, np.nan_to_num(size) / SIZE_SCALES, 0.0)
+    return np.concatenate([np.minimum(scaled, LARGEST_SIZE), known], axis=1)
 
 
 def class_one_hot(agent_class: ClassArray, classes: tuple[str, ...]) -> Float32Array:

@@ -67,6 +67,15 @@ ANGLE_FEATURES = {("cos_yaw", "sin_yaw"): "yaw", ("cos_theta", "sin_theta"): "th
 SIZE_FEATURES = ("length", "width", "size_known")
 """Static features after the classes, with ``scene.sizes``."""
 
+NOISE_FEATURES = (
+    "speed_noise_along",
+    "speed_noise_across",
+    "position_noise_along",
+    "position_noise_across",
+    "noise_known",
+)
+"""Static features after those, with ``scene.track_noise``."""
+
 
 @dataclass(frozen=True)
 class HistoryConfig:
@@ -141,6 +150,8 @@ class SceneConfig:
         leader_reach_m: range of the contexts ``leaders``, ``traffic`` and ``road`` (m).
         classes: class names of the one-hot static feature, in order.
         sizes: length and width are static features, too.
+        track_noise: how noisy the agent's past is, is a static feature, too, see
+            :func:`mtpgo_core.scene.track_noise.track_noise`.
         trails: whether the model gets the ways that earlier road users took from an agent's place,
             see :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
         lane_ways: with ``trails``: where none is known, ways on are those of the lanes.
@@ -167,6 +178,7 @@ class SceneConfig:
         "pedestrian",
     )
     sizes: bool = False
+    track_noise: bool = False
     trails: bool = False
     lane_ways: bool = False
 
@@ -226,7 +238,8 @@ class SceneConfig:
     @property
     def static_features(self) -> tuple[str, ...]:
         """Names of the C static features, in the order of the model's input."""
-        return self.classes + (SIZE_FEATURES if self.sizes else ())
+        sizes = SIZE_FEATURES if self.sizes else ()
+        return self.classes + sizes + (NOISE_FEATURES if self.track_noise else ())
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import wrap
 from mtpgo_core.scene.scene_builder import LARGEST_SIZE
+from mtpgo_core.scene.track_noise import rescaled_noise
 from mtpgo_core.schema import Float32Array
-from mtpgo_core.task.task_description import CONTEXT_FEATURES
+from mtpgo_core.task.task_description import CONTEXT_FEATURES, NOISE_FEATURES
 
 FloatArray = NDArray[Any]
 
@@ -41,6 +42,7 @@ _SIDES = {
 }
 _SIZES = ("length", "width")
 """Static features that are lengths."""
+_NOISE_LEVELS = NOISE_FEATURES[:-1]
 _DIRECTIONS = ("cos_yaw", "cos_theta")
 _ANGLES = {"yaw": 1.0, "theta": -1.0}
 """Angles in radians, and which way they turn: ``theta`` is clockwise, as in the paper."""
@@ -117,14 +119,17 @@ class Augmentation:
         return out
 
     def static(self, static: Float32Array, names: tuple[str, ...]) -> Float32Array:
-        """Return [..., C] static features named ``names``, changed: sizes are lengths.
+        """Return [..., C] static features named ``names``, changed: sizes and noise are lengths.
 
-        An unknown size stays 0, and none exceeds the largest that a scene has.
+        An unknown one stays 0, and no size exceeds the largest that a scene has.
         """
         columns = [i for i, name in enumerate(names) if name in _SIZES]
         out = static.copy()
         scaled = np.minimum(out[..., columns] * np.float32(self.scale), LARGEST_SIZE)
         out[..., columns] = scaled
+        for i, name in enumerate(names):
+            if name in _NOISE_LEVELS:
+                out[..., i] = rescaled_noise(static[..., i], self.scale)
         return out
 
     def trails(self, trails: Float32Array) -> Float32Array:

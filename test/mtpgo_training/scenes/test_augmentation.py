@@ -178,6 +178,25 @@ def test_a_scaled_world_has_the_static_sizes_of_the_scaled_features(scale):
     assert not np.allclose(given, plain)
 
 
+@pytest.mark.parametrize("scale", [0.8, 1.25])
+def test_a_scaled_world_has_the_track_noise_of_the_scaled_features(scale):
+    scene = SceneConfig(track_noise=True)
+    recording = braking_cars(seconds=4.0)
+    noise = np.random.default_rng(0).normal(size=recording.position.shape)
+    position, velocity = recording.position + 0.2 * noise, recording.velocity + 0.4 * noise
+    plain, expected = (
+        static_features(cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene)
+        for r in (
+            dataclasses.replace(recording, position=k * position, velocity=k * velocity)
+            for k in (1.0, scale)
+        )
+    )
+    given = Augmentation(mirror=True, scale=scale).static(plain, scene.static_features)
+    np.testing.assert_allclose(given, expected, rtol=1e-5, atol=1e-6)
+    assert plain[:, -1].any()
+    assert not np.allclose(given, plain)
+
+
 def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():
     scene = SceneConfig(frame="site_origin", context="traffic", max_neighbours=3)
     recording = braking_cars(seconds=4.0)
