@@ -23,7 +23,7 @@ from mtpgo_core.scene.departed_agents import with_departed
 from mtpgo_core.scene.graph_selection import GraphState, choose_graphs, graphs_around
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.leader_context import leader_features
-from mtpgo_core.scene.track_noise import track_noise
+from mtpgo_core.scene.track_summary import track_summary
 from mtpgo_core.scene.traffic_context import traffic_features
 from mtpgo_core.scene.trails.trail_context import TrailContext, trail_features
 from mtpgo_core.schema import (
@@ -147,14 +147,14 @@ def static_features(window: HistoryWindow, config: SceneConfig) -> Float32Array:
     """Return [n, C] the static features, in the order of ``SceneConfig.static_features``.
 
     The one-hot class; with ``config.sizes`` length and width (divided by ``SIZE_SCALES``) and 1,
-    all three 0 where the tracker gives no size; with ``config.track_noise`` what
-    :func:`~mtpgo_core.scene.track_noise.track_noise` returns.
+    all three 0 where the tracker gives no size; with ``config.track_summary`` what
+    :func:`~mtpgo_core.scene.track_summary.track_summary` returns.
     """
     columns: list[NDArray[Any]] = [class_one_hot(window.agent_class, config.classes)]
     if config.sizes:
         columns.append(_sizes(window.size))
-    if config.track_noise:
-        columns.append(track_noise(window))
+    if config.track_summary:
+        columns.append(track_summary(window))
     return np.concatenate(columns, axis=1).astype(np.float32)
 
 

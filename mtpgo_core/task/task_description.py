@@ -72,9 +72,14 @@ NOISE_FEATURES = (
     "speed_noise_across",
     "position_noise_along",
     "position_noise_across",
-    "noise_known",
 )
-"""Static features after those, with ``scene.track_noise``."""
+CHANGE_STEPS = (1, 3, 5, 10, 15)
+"""Steps over which the change of the velocity is a static feature; chosen: from what an observer
+of clean tracks needs to what is left of noisy ones, up to the history of 3 s."""
+CHANGES_ALONG = tuple(f"speed_change_along_{steps}" for steps in CHANGE_STEPS)
+CHANGES_ACROSS = tuple(f"speed_change_across_{steps}" for steps in CHANGE_STEPS)
+TRACK_FEATURES = (*NOISE_FEATURES, "noise_known", *CHANGES_ALONG, *CHANGES_ACROSS)
+"""Static features after those, with ``scene.track_summary``."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +155,8 @@ class SceneConfig:
         leader_reach_m: range of the contexts ``leaders``, ``traffic`` and ``road`` (m).
         classes: class names of the one-hot static feature, in order.
         sizes: length and width are static features, too.
-        track_noise: how noisy the agent's past is, is a static feature, too, see
-            :func:`mtpgo_core.scene.track_noise.track_noise`.
+        track_summary: how noisy an agent's past is and how its velocity changed are static
+            features, too, see :func:`mtpgo_core.scene.track_summary.track_summary`.
         trails: whether the model gets the ways that earlier road users took from an agent's place,
             see :func:`mtpgo_core.scene.trails.trail_context.trail_features`.
         lane_ways: with ``trails``: where none is known, ways on are those of the lanes.
@@ -178,7 +183,7 @@ class SceneConfig:
         "pedestrian",
     )
     sizes: bool = False
-    track_noise: bool = False
+    track_summary: bool = False
     trails: bool = False
     lane_ways: bool = False
 
@@ -239,7 +244,7 @@ class SceneConfig:
     def static_features(self) -> tuple[str, ...]:
         """Names of the C static features, in the order of the model's input."""
         sizes = SIZE_FEATURES if self.sizes else ()
-        return self.classes + sizes + (NOISE_FEATURES if self.track_noise else ())
+        return self.classes + sizes + (TRACK_FEATURES if self.track_summary else ())
 
 
 @dataclass(frozen=True)

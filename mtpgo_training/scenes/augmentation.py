@@ -17,9 +17,14 @@ from numpy.typing import NDArray
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.frames import wrap
 from mtpgo_core.scene.scene_builder import LARGEST_SIZE
-from mtpgo_core.scene.track_noise import rescaled_noise
+from mtpgo_core.scene.track_summary import LARGEST_CHANGE, rescaled_noise
 from mtpgo_core.schema import Float32Array
-from mtpgo_core.task.task_description import CONTEXT_FEATURES, NOISE_FEATURES
+from mtpgo_core.task.task_description import (
+    CHANGES_ACROSS,
+    CHANGES_ALONG,
+    CONTEXT_FEATURES,
+    NOISE_FEATURES,
+)
 
 FloatArray = NDArray[Any]
 
@@ -42,7 +47,6 @@ _SIDES = {
 }
 _SIZES = ("length", "width")
 """Static features that are lengths."""
-_NOISE_LEVELS = NOISE_FEATURES[:-1]
 _DIRECTIONS = ("cos_yaw", "cos_theta")
 _ANGLES = {"yaw": 1.0, "theta": -1.0}
 """Angles in radians, and which way they turn: ``theta`` is clockwise, as in the paper."""
@@ -119,17 +123,28 @@ class Augmentation:
         return out
 
     def static(self, static: Float32Array, names: tuple[str, ...]) -> Float32Array:
-        """Return [..., C] static features named ``names``, changed: sizes and noise are lengths.
+        """Return [..., C] static features named ``names``, changed.
 
-        An unknown one stays 0, and no size exceeds the largest that a scene has.
+        Sizes, noise and changes of velocity are lengths, and mirroring turns left into right. An
+        unknown one stays 0, and none exceeds the largest that a scene has.
         """
-        columns = [i for i, name in enumerate(names) if name in _SIZES]
+        at = {name: i for i, name in enumerate(names)}
         out = static.copy()
-        scaled = np.minimum(out[..., columns] * np.float32(self.scale), LARGEST_SIZE)
-        out[..., columns] = scaled
-        for i, name in enumerate(names):
-            if name in _NOISE_LEVELS:
-                out[..., i] = rescaled_noise(static[..., i], self.scale)
+        scale = np.float32(self.scale)
+        for name in _SIZES:
+            if name in at:
+                out[..., at[name]] = np.minimum(out[..., at[name]] * scale, LARGEST_SIZE)
+        for name in NOISE_FEATURES:
+            if name in at:
+                out[..., at[name]] = rescaled_noise(out[..., at[name]], self.scale)
+        for names_of, sign in (
+            (CHANGES_ALONG, 1.0),
+            (CHANGES_ACROSS, -1.0 if self.mirror else 1.0),
+        ):
+            for name in names_of:
+                if name in at:
+                    change = out[..., at[name]] * np.float32(sign) * scale
+                    out[..., at[name]] = np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE)
         return out
 
     def trails(self, trails: Float32Array) -> Float32Array:

@@ -10,7 +10,7 @@ import pytest
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.options import from_dict
 from mtpgo_core.task.task_description import (
-    NOISE_FEATURES,
+    TRACK_FEATURES,
     HistoryConfig,
     SceneConfig,
     TaskDescription,
@@ -28,21 +28,21 @@ def test_there_and_back():
     assert TaskDescription.from_json(task.to_json()) == task
 
 
-def test_sizes_noise_and_trails_there_and_back():
-    scene = SceneConfig(classes=("car", "bus"), sizes=True, track_noise=True, trails=True)
+def test_sizes_summaries_and_trails_there_and_back():
+    scene = SceneConfig(classes=("car", "bus"), sizes=True, track_summary=True, trails=True)
     task = TaskDescription(scene=scene)
     again = TaskDescription.from_json(task.to_json())
     assert again == task
     sizes = ("length", "width", "size_known")
-    assert again.scene.static_features == ("car", "bus", *sizes, *NOISE_FEATURES)
+    assert again.scene.static_features == ("car", "bus", *sizes, *TRACK_FEATURES)
     assert SceneConfig(classes=("car", "bus")).static_features == ("car", "bus")
 
 
-def test_a_file_from_before_sizes_noise_and_trails_has_none():
+def test_a_file_from_before_sizes_summaries_and_trails_has_none():
     data = json.loads(TaskDescription().to_json())
-    del data["scene"]["sizes"], data["scene"]["track_noise"], data["scene"]["trails"]
+    del data["scene"]["sizes"], data["scene"]["track_summary"], data["scene"]["trails"]
     scene = TaskDescription.from_json(json.dumps(data)).scene
-    assert (scene.sizes, scene.track_noise, scene.trails) == (False, False, False)
+    assert (scene.sizes, scene.track_summary, scene.trails) == (False, False, False)
 
 
 def test_whole_numbers_serve_as_floats_and_lists_as_tuples():

@@ -178,23 +178,29 @@ def test_a_scaled_world_has_the_static_sizes_of_the_scaled_features(scale):
     assert not np.allclose(given, plain)
 
 
-@pytest.mark.parametrize("scale", [0.8, 1.25])
-def test_a_scaled_world_has_the_track_noise_of_the_scaled_features(scale):
-    scene = SceneConfig(track_noise=True)
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.25])
+def test_a_changed_world_has_the_changed_track_summary(scale, mirror):
+    scene = SceneConfig(track_summary=True)
     recording = braking_cars(seconds=4.0)
-    noise = np.random.default_rng(0).normal(size=recording.position.shape)
-    position, velocity = recording.position + 0.2 * noise, recording.velocity + 0.4 * noise
+    draw = np.random.default_rng(0)
+    position = recording.position + 0.2 * draw.normal(size=recording.position.shape)
+    velocity = recording.velocity + 0.1 * draw.normal(size=recording.position.shape)
+    factor = scale * np.array([1.0, -1.0 if mirror else 1.0])
+    turned = -recording.yaw if mirror else recording.yaw
     plain, expected = (
         static_features(cut_windows(r, HistoryConfig(), 0.2)[-1].window, scene)
         for r in (
-            dataclasses.replace(recording, position=k * position, velocity=k * velocity)
-            for k in (1.0, scale)
+            dataclasses.replace(recording, position=position, velocity=velocity),
+            dataclasses.replace(
+                recording, position=position * factor, velocity=velocity * factor, yaw=turned
+            ),
         )
     )
-    given = Augmentation(mirror=True, scale=scale).static(plain, scene.static_features)
-    np.testing.assert_allclose(given, expected, rtol=1e-5, atol=1e-6)
-    assert plain[:, -1].any()
-    assert not np.allclose(given, plain)
+    given = Augmentation(mirror=mirror, scale=scale).static(plain, scene.static_features)
+    np.testing.assert_allclose(given, expected, rtol=1e-5, atol=1e-5)
+    assert plain[:, scene.static_features.index("noise_known")].any()
+    assert np.allclose(given, plain) == (scale == 1.0 and not mirror)
 
 
 def test_a_mirrored_world_has_the_traffic_of_the_mirrored_features():

@@ -1,13 +1,11 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""How noisy each agent's past is (static features of ``scene.track_noise``).
+"""What each agent's past says in a few numbers (static features of ``scene.track_summary``).
 
-From a smooth past one can tell how an agent accelerates, and its next seconds follow from that.
+From a clean past one can tell how an agent accelerates, and its next seconds follow from that.
 From a noisy one the same figures are noise. A network that sees both kinds in training has to tell
-them apart before it can trust an acceleration. What it needs for that is told here: the standard
-deviation of the noise, estimated from differences of the samples. The k-th difference of white
-noise has binom(2 k, k) times its variance, that of a smooth motion is nearly 0 (difference-based
-estimation of variance, Hall, Kay and Titterington, Biometrika 77(3), 1990, section 1).
+them apart before it can trust an acceleration. What it needs for that is told here: how noisy the
+track is, and how its velocity changed over the last step and over longer times.
 """
 
 from __future__ import annotations
@@ -18,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtpgo_core.schema import MOVING_MPS, BoolArray, Float32Array, Float64Array, HistoryWindow
+from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, HistoryWindow
+from mtpgo_core.task.task_description import CHANGE_STEPS
 
 VELOCITY_ORDER, POSITION_ORDER = 2, 3
 """Orders of the differences; chosen: a constant acceleration counts as noise in neither."""
@@ -32,32 +31,50 @@ SMALLEST_STD = 1e-3
 MIDDLE_LOG = 1.5
 """Added to the decimal logarithms; chosen: 3 cm and 3 cm/s come out as 0, 1 m as 1.5."""
 
+CHANGE_MPS = 0.4
+"""Change of velocity per step that comes out as 1 (m/s); chosen: 2 m/s^2 at steps of 0.2 s."""
 
-def track_noise(window: HistoryWindow) -> Float64Array:
-    """Return [n, 5] ``NOISE_FEATURES`` of the window's agents.
+LARGEST_CHANGE = 3.0
+"""Largest scaled change; chosen: what is above 6 m/s^2 is noise or an emergency."""
 
-    The first four are log10(std + ``SMALLEST_STD``) + ``MIDDLE_LOG``, where std is the deviation
-    of the white noise in the velocity (m/s) and in the position (m), along the agent's heading at
-    t and across it. The last is 1. All are 0 for an agent that was not observed for long enough.
+
+def track_summary(window: HistoryWindow) -> Float64Array:
+    """Return [n, 15] ``TRACK_FEATURES`` of the window's agents.
+
+    * Four levels of noise: log10(std + ``SMALLEST_STD``) + ``MIDDLE_LOG``, where std is the
+      deviation of the white noise in the velocity (m/s) and in the position (m), along the agent's
+      heading at t and across it. It is estimated from differences of the samples: the k-th
+      difference of white noise has binom(2 k, k) times its variance, that of a smooth motion is
+      nearly 0 (difference-based estimation of variance, Hall, Kay and Titterington, Biometrika
+      77(3), 1990, section 1).
+    * 1; like the levels it is 0 for an agent that was not observed for long enough.
+    * The change of the velocity over the last ``CHANGE_STEPS`` steps, along the heading and
+      across it: per step, divided by ``CHANGE_MPS``, at most ``LARGEST_CHANGE``. 0 where the
+      agent was not observed that long ago.
 
     The values do not depend on the frame of the window.
     """
-    along, across = _directions(window)
+    directions = _directions(window)
     offset = window.position - window.position[:, -1:]
     stds, known = [], np.ones(len(window), dtype=np.bool_)
+    changes = []
     for vectors, order in ((window.velocity, VELOCITY_ORDER), (offset, POSITION_ORDER)):
         there = window.valid & np.isfinite(vectors).all(axis=-1)
-        for direction in (along, across):
+        for direction in directions:
             values = np.einsum("ntd,nd->nt", np.nan_to_num(vectors), direction)
             std, enough = _noise_std(values, there, order)
             stds.append(std)
             known &= enough
-    columns = np.stack([*map(_level, stds), known], axis=1)
-    return np.where(known[:, None], columns, 0.0)
+            if vectors is window.velocity:
+                changes += [_change(values, there, steps) for steps in CHANGE_STEPS]
+    noise = np.stack([*map(_level, stds), known], axis=1)
+    return np.concatenate(
+        [np.where(known[:, None], noise, 0.0), np.stack(changes, axis=1)], axis=1
+    )
 
 
-def rescaled_noise(level: Float32Array, scale: float) -> Float32Array:
-    """Return one of the first four columns where all lengths are ``scale`` times as long."""
+def rescaled_noise(level: NDArray[Any], scale: float) -> NDArray[Any]:
+    """Return a level of noise where all lengths are ``scale`` times as long."""
     std = 10.0 ** (level - MIDDLE_LOG) - SMALLEST_STD
     rescaled = _level(scale * np.maximum(std, 0.0)).astype(level.dtype)
     return np.where(level == 0.0, level, rescaled)  # 0 is unknown
@@ -95,3 +112,12 @@ def _noise_std(
     squares = (np.where(known, differences, 0.0) ** 2).sum(axis=1)
     variance = squares / (np.maximum(count, 1) * math.comb(2 * order, order))
     return np.sqrt(variance), count >= LEAST_DIFFERENCES
+
+
+def _change(values: Float64Array, there: BoolArray, steps: int) -> Float64Array:
+    """Return [n] the scaled change of [n, T] velocities over the last steps."""
+    if steps >= values.shape[1]:
+        return np.zeros(len(values))
+    change = (values[:, -1] - values[:, -1 - steps]) / (CHANGE_MPS * steps)
+    change = np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE)
+    return np.where(there[:, -1] & there[:, -1 - steps], change, 0.0)
