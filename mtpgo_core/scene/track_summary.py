@@ -28,6 +28,9 @@ LEAST_DIFFERENCES = 3
 SMALLEST_STD = 1e-3
 """Added to the deviations (m, m/s); chosen: nobody measures better, and log 0 is not finite."""
 
+LARGEST_STD = 10.0
+"""Largest deviation told apart (m, m/s); chosen: such a track tells nothing."""
+
 MIDDLE_LOG = 1.5
 """Added to the decimal logarithms; chosen: 3 cm and 3 cm/s come out as 0, 1 m as 1.5."""
 
@@ -54,23 +57,17 @@ def track_summary(window: HistoryWindow) -> Float64Array:
 
     The values do not depend on the frame of the window.
     """
-    directions = _directions(window)
+    axes = _own_axes(window)
     offset = window.position - window.position[:, -1:]
-    stds, known = [], np.ones(len(window), dtype=np.bool_)
-    changes = []
-    for vectors, order in ((window.velocity, VELOCITY_ORDER), (offset, POSITION_ORDER)):
-        there = window.valid & np.isfinite(vectors).all(axis=-1)
-        for direction in directions:
-            values = np.einsum("ntd,nd->nt", np.nan_to_num(vectors), direction)
-            std, enough = _noise_std(values, there, order)
-            stds.append(std)
-            known &= enough
-            if vectors is window.velocity:
-                changes += [_change(values, there, steps) for steps in CHANGE_STEPS]
-    noise = np.stack([*map(_level, stds), known], axis=1)
-    return np.concatenate(
-        [np.where(known[:, None], noise, 0.0), np.stack(changes, axis=1)], axis=1
-    )
+    velocity, velocity_known = _components(window, window.velocity, axes)
+    position, position_known = _components(window, offset, axes)
+    velocity_std, velocity_enough = _noise_std(velocity, velocity_known, VELOCITY_ORDER)
+    position_std, position_enough = _noise_std(position, position_known, POSITION_ORDER)
+    known = (velocity_enough & position_enough)[:, None]
+    levels = _level(np.concatenate([velocity_std, position_std], axis=1))
+    changes = [_change(velocity, velocity_known, steps) for steps in CHANGE_STEPS]
+    along, across = np.stack(changes, axis=-1).transpose(1, 0, 2)
+    return np.concatenate([np.where(known, levels, 0.0), known, along, across], axis=1)
 
 
 def rescaled_noise(level: NDArray[Any], scale: float) -> NDArray[Any]:
@@ -82,11 +79,11 @@ def rescaled_noise(level: NDArray[Any], scale: float) -> NDArray[Any]:
 
 def _level(std: NDArray[Any]) -> NDArray[Any]:
     """Return the feature of a deviation (m, m/s)."""
-    return np.asarray(np.log10(std + SMALLEST_STD) + MIDDLE_LOG)
+    return np.asarray(np.log10(np.minimum(std, LARGEST_STD) + SMALLEST_STD) + MIDDLE_LOG)
 
 
-def _directions(window: HistoryWindow) -> tuple[Float64Array, Float64Array]:
-    """Return [n, 2] unit vectors along and across each agent's heading at t.
+def _own_axes(window: HistoryWindow) -> Float64Array:
+    """Return [n, 2, 2] unit vectors along and across (to the left of) each agent's heading at t.
 
     The heading is the direction of the velocity, the yaw where the agent is slower than
     ``MOVING_MPS`` and +x where that is unknown.
@@ -96,28 +93,36 @@ def _directions(window: HistoryWindow) -> tuple[Float64Array, Float64Array]:
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     heading = np.where(moving, course, np.nan_to_num(window.yaw[:, -1]))
     cos, sin = np.cos(heading), np.sin(heading)
-    return np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)
+    return np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+
+
+def _components(
+    window: HistoryWindow, vectors: Float64Array, axes: Float64Array
+) -> tuple[Float64Array, BoolArray]:
+    """Return [n, T, 2] components along the axes [n, 2, 2], and [n, T] where they are known."""
+    known = window.valid & np.isfinite(vectors).all(axis=-1)
+    return np.einsum("ntd,nad->nta", np.where(known[..., None], vectors, 0.0), axes), known
 
 
 def _noise_std(
-    values: Float64Array, there: BoolArray, order: int
+    values: Float64Array, known: BoolArray, order: int
 ) -> tuple[Float64Array, BoolArray]:
-    """Return [n] the deviation of the noise in [n, T] samples, and where there were enough."""
+    """Return [n, 2] the deviation of the noise in samples [n, T, 2], and [n] if it is known."""
     differences = np.diff(values, order, axis=1)
-    steps = differences.shape[1]
-    known = np.ones_like(differences, dtype=np.bool_)
+    count = differences.shape[1]
+    complete = np.ones((len(values), count), dtype=np.bool_)
     for shift in range(order + 1):
-        known &= there[:, shift : shift + steps]
-    count = known.sum(axis=1)
-    squares = (np.where(known, differences, 0.0) ** 2).sum(axis=1)
-    variance = squares / (np.maximum(count, 1) * math.comb(2 * order, order))
-    return np.sqrt(variance), count >= LEAST_DIFFERENCES
+        complete &= known[:, shift : shift + count]
+    enough = complete.sum(axis=1)
+    squares = (np.where(complete[..., None], differences, 0.0) ** 2).sum(axis=1)
+    variance = squares / (np.maximum(enough, 1) * math.comb(2 * order, order))[:, None]
+    return np.sqrt(variance), enough >= LEAST_DIFFERENCES
 
 
-def _change(values: Float64Array, there: BoolArray, steps: int) -> Float64Array:
-    """Return [n] the scaled change of [n, T] velocities over the last steps."""
-    if steps >= values.shape[1]:
-        return np.zeros(len(values))
-    change = (values[:, -1] - values[:, -1 - steps]) / (CHANGE_MPS * steps)
-    change = np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE)
-    return np.where(there[:, -1] & there[:, -1 - steps], change, 0.0)
+def _change(velocity: Float64Array, known: BoolArray, steps: int) -> Float64Array:
+    """Return [n, 2] the scaled change of the velocities [n, T, 2] over the last steps."""
+    if steps >= velocity.shape[1]:
+        return np.zeros((len(velocity), 2))
+    change = (velocity[:, -1] - velocity[:, -1 - steps]) / (CHANGE_MPS * steps)
+    both = known[:, -1] & known[:, -1 - steps]
+    return np.where(both[:, None], np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE), 0.0)
