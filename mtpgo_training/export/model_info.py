@@ -15,6 +15,14 @@ from mtpgo_training.calibration.calibration_text import (
 from mtpgo_training.data.splits import USES
 
 
+def _static_inputs(task: TaskDescription) -> str:
+    """Return which static features the network sees."""
+    if not task.model.get("static_features", False):
+        return "none: the network does not see the class"
+    others = task.scene.static_features[len(task.scene.classes) :]
+    return ", ".join((f"class ({', '.join(task.scene.classes)})", *others))
+
+
 def model_text(task: TaskDescription) -> str:
     """Return the description of a model as printed to the terminal."""
     training = task.training
@@ -31,7 +39,8 @@ def model_text(task: TaskDescription) -> str:
         f"scene      policy {task.scene.policy}, frame {task.scene.frame}, up to "
         f"{task.scene.max_neighbours} neighbours within {task.scene.radius_m:g} m",
         f"features   {', '.join(task.scene.features)}",
-        f"classes    {', '.join(task.scene.classes)}",
+        f"static     {_static_inputs(task)}",
+        *(["trails     used: the ways of earlier road users"] * task.scene.trails),
         *(["lanes      used: those of a lane file or of lane markings"] * task.scene.uses_lanes),
         f"weights    sha256 {task.weights_sha256}",
     ]

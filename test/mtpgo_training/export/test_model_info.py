@@ -8,7 +8,7 @@ from mtpgo_core.task.calibration import (
     CalibrationSite,
     GroupCalibration,
 )
-from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_core.task.task_description import SceneConfig, TaskDescription
 from mtpgo_training.export.model_info import model_text
 
 
@@ -30,6 +30,15 @@ def test_the_task_is_described_in_full():
     unknown = lines()
     assert unknown[0] == "made (exported by version unknown)"
     assert unknown[1] == "network    mtp-go"
+
+
+def test_the_inputs_beside_the_features_are_described():
+    assert "static     none: the network does not see the class" in lines()
+    scene = SceneConfig(classes=("car", "bus"), sizes=True, trails=True)
+    text = lines(scene=scene, model={"static_features": True})
+    assert "static     class (car, bus), length, width, size_known" in text
+    assert "trails     used: the ways of earlier road users" in text
+    assert not any(line.startswith("trails") for line in lines())
 
 
 def test_recordings_are_listed_by_use():
