@@ -9,6 +9,7 @@ second.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -30,19 +31,29 @@ PoseIn = Callable[[str, str], Pose2]
 _NONE = LaneMap(())
 _TOPIC = "lane_markings"
 
-_TOPIC_WANTED = ("", "", "", "")
+_TOPIC_WANTED = ("", "", "", "", "")
 """What determines the lines where they come from the topic."""
 
 
 def _given(parameters: PredictorParameters) -> tuple[str, ...]:
-    """Return the parameters that determine the lines of the file, none of them without one."""
+    """Return what determines the lines of the file, nothing without one.
+
+    Besides the parameters it is when the file was changed and how long it is, so that a file that
+    is set once more after a change is read once more.
+    """
     if not parameters.lane_file:
         return _TOPIC_WANTED
+    try:
+        found = os.stat(parameters.lane_file)
+        state = f"{found.st_mtime_ns} {found.st_size}"
+    except (OSError, ValueError):  # reading it says why
+        state = ""
     return (
         parameters.lane_file,
         parameters.lane_projection,
         parameters.lane_origin,
         parameters.lane_offset,
+        state,
     )
 
 
@@ -104,10 +115,16 @@ class LaneInput:
         return found.sentence
 
     def configure(self, parameters: PredictorParameters) -> None:
-        """Read another file, in a thread of its own; the lines stay until that has succeeded."""
+        """Read another file, or one that has changed, in a thread of its own.
+
+        The lines stay until that has succeeded.
+        """
+        wanted = _given(parameters)
         with self._lock:
-            same = self._wanted == _given(parameters)
-            self._wanted, self._file_frame = _given(parameters), parameters.lane_frame
+            # A file that is deleted after it was read is still in use.
+            same = self._wanted == wanted or (*self._wanted[:-1], "") == wanted
+            self._wanted = self._wanted if same else wanted
+            self._file_frame = parameters.lane_frame
             if same:
                 # Earlier lines, while the file is read or where it cannot be, keep their frame.
                 of_file = parameters.lane_file and self._used == self._wanted
@@ -118,11 +135,11 @@ class LaneInput:
             self._take(_NONE, "", "", _TOPIC_WANTED)
             return
         self._reader = threading.Thread(
-            target=self._read_again, args=(parameters,), name="lane file", daemon=True
+            target=self._read_again, args=(parameters, wanted), name="lane file", daemon=True
         )
         self._reader.start()
 
-    def _read_again(self, parameters: PredictorParameters) -> None:
+    def _read_again(self, parameters: PredictorParameters, wanted: tuple[str, ...]) -> None:
         try:
             found = read_lane_file(parameters.lane_file, parameters.lane_options)
             lanes = LaneMap(found.lines)
@@ -132,7 +149,6 @@ class LaneInput:
             sentence, lanes = f"lane_file is not used: {type(error).__name__}: {error}", None
         else:
             sentence = f"lane file: {found.sentence}"
-        wanted = _given(parameters)
         if lanes is not None:
             used = self._take(lanes, None, parameters.lane_file, wanted)
         else:

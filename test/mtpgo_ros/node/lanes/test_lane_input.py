@@ -94,6 +94,29 @@ def test_another_file_replaces_the_lines_while_the_node_runs(bench, tmp_path):
     assert "nothing has come on lane_markings" in bench.lanes.limitations()[0]
 
 
+def test_a_file_that_has_changed_is_read_again_when_it_is_set_again(bench, tmp_path):
+    path = lane_file(tmp_path / "lanes.geojson")
+    bench.lanes.read(parameters(path))
+    lane_file(path, 3.0, 1.0, -1.0)
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    assert bench.d_l() == pytest.approx(-1.0)
+    path.write_text("nothing")
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    assert "neither XML nor JSON" in bench.lanes.limitations()[0]
+    lane_file(path, 2.0, -2.0)  # mended
+    bench.lanes.configure(parameters(path))
+    bench.wait()
+    assert bench.lanes.limitations() == []
+    assert bench.d_l() == pytest.approx(-0.5)
+    reader = bench.lanes._reader
+    path.unlink()
+    bench.lanes.configure(parameters(path))
+    assert bench.lanes._reader is reader  # the lines stay, and nothing is said
+    assert bench.lanes.limitations() == []
+
+
 def test_lines_of_another_frame_wait_for_tf_and_follow_it(bench, tmp_path):
     def missing(lane_frame, frame_id):
         raise FrameError(f"TF has no transform from {frame_id!r} to {lane_frame!r}")
