@@ -117,7 +117,7 @@ default: data-given $(STAMP) $(DEFAULT_SIMULATED:%=$(SIMULATED)/.%) ## train, ca
 	@$(DEFAULT_CROSSVAL) --out "$(RUNS)/default-crossval" --seed 3 \
 	  --init-from "$(RUNS)/default-crossval-3"
 	@$(DEFAULT_TRAIN) $(SECOND_STAGE) $(call goes_on,default-1,default-crossval-2/folds/first_half/run)
-	@$(DEFAULT_TRAIN) $(THIRD_STAGE) --seed 2 $(call goes_on,default-2,default-1)
+	@$(DEFAULT_TRAIN) $(THIRD_STAGE) --set optimisation.epochs=4 --seed 2 $(call goes_on,default-2,default-1)
 	@$(DEFAULT_TRAIN) --seed 3 $(call goes_on,default,default-2)
 	@$(BIN)/mtpgo export "$(RUNS)/default" -o "$(RUNS)/default.pt" \
 	  --checkpoint "$(RUNS)/default.ckpt" --calibration "$(RUNS)/default-crossval"
