@@ -169,3 +169,12 @@ def test_changes_are_zero_where_the_past_is_too_short_and_bounded_where_it_is_wi
     np.testing.assert_allclose(along, [[3, 3, 3, 3, 3], [3, 3, 0, 0, 0]])
     short = window_of(np.zeros((1, 4, 2)), velocity[:1, :4], np.zeros((1, 4)))
     np.testing.assert_allclose(changes(short)[0], [[3, 3, 0, 0, 0]])
+
+
+def test_the_wildest_track_that_a_history_holds_has_finite_features():
+    sign = np.where(np.arange(T) % 2, 1.0, -1.0)
+    position = np.stack([1e8 * sign, -1e8 * sign], axis=-1)[None]
+    velocity = np.stack([100.0 * sign, 100.0 * sign], axis=-1)[None]
+    features = track_summary(window_of(position, velocity, np.zeros((1, T))))
+    assert np.isfinite(features).all()
+    assert np.abs(features).max() == 3.0
