@@ -123,6 +123,40 @@ def favour_staying(
     return torch.log_softmax(log_weight + bias * (1.0 - share).unsqueeze(-1) * stays, dim=-1)
 
 
+def settle_standing(
+    mean: Tensor,
+    place: Tensor,
+    velocity: Tensor,
+    share: Tensor,
+    dt_s: float,
+    width_m: float = STAY_M,  # TorchScript sees no constants of the module
+) -> Tensor:
+    """Return the means with modes in which a standing agent hardly moves drawn to uniform motion.
+
+    A mode comes nearer by the share exp(-d^2 / (2 width^2)), d being how far it ends from where
+    uniform motion does: a learned mode that stays creeps some centimetres, one that goes is left
+    as it is.
+
+    Args:
+        mean: [B, N, M, H, S], x and y first (m), then the velocities (m/s) where S is 4.
+        place: [B, N, 2] at t, in the same frame (m).
+        velocity: [B, N, 2] at t, in the same frame (m/s).
+        share: [B, N] of its motion, 0 for agents that stand and 1 for those that move, whose modes
+            stay as they are.
+        dt_s: step of the horizon (s).
+        width_m: see :data:`STAY_M` (m).
+    """
+    steps = torch.arange(1, mean.size(3) + 1, device=mean.device, dtype=mean.dtype)
+    velocity = velocity.unsqueeze(2).expand(-1, -1, mean.size(3), -1)  # [B, N, H, 2]
+    uniform = place.unsqueeze(2) + velocity * (dt_s * steps).view(1, 1, -1, 1)
+    if mean.size(4) == 4:
+        uniform = torch.cat((uniform, velocity), dim=-1)
+    away = uniform.unsqueeze(2) - mean  # [B, N, M, H, S]
+    squared = (away[:, :, :, -1, :2] / width_m).square().sum(dim=-1)
+    near = (1.0 - share).unsqueeze(-1) * torch.exp(-0.5 * squared)  # [B, N, M]
+    return mean + near[..., None, None] * away
+
+
 def heaviest_at_local_mean(
     log_weight: Tensor, mean: Tensor, covariance: Tensor, share: Tensor, kernel: Tensor
 ) -> Tensor:

@@ -12,7 +12,11 @@ from models.ablations.direct_states import DirectStates
 from models.decoder import Decoder
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
-from models.gaussian_mixture import favour_staying, heaviest_at_local_mean
+from models.gaussian_mixture import (
+    favour_staying,
+    heaviest_at_local_mean,
+    settle_standing,
+)
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE
@@ -47,6 +51,7 @@ class MTPGO(TrajectoryPredictor):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    settles_standing: Final[bool]
     favours_staying: Final[bool]
     stay_bias: Final[float]
     moves_heaviest: Final[bool]
@@ -62,6 +67,7 @@ class MTPGO(TrajectoryPredictor):
         self.static_everywhere = config.static_features and config.static_inputs == "all"
         self.hold_standing = config.hold_standing
         self.sees_trails = config.trail_branches > 0
+        self.settles_standing = config.settle_standing
         self.favours_staying = config.stay_bias > 0.0
         self.stay_bias = config.stay_bias
         self.moves_heaviest = any(config.heaviest_kernels)
@@ -104,12 +110,15 @@ class MTPGO(TrajectoryPredictor):
         log_weight, mean, covariance = self.roll_out(
             features, valid, static, initial_covariance, True, None, None, trails
         )
-        if self.favours_staying or self.moves_heaviest:
+        if self.settles_standing or self.favours_staying or self.moves_heaviest:
             known = torch.where(valid.unsqueeze(-1), features, torch.zeros_like(features))
             start = self.condition.start(known, valid)
             share = motion_share(start.velocity)
+            place = start.origin + to_scene(start.position, start.direction)
+            if self.settles_standing:
+                velocity = to_scene(start.velocity, start.direction)
+                mean = settle_standing(mean, place, velocity, share, self.condition.dt_s)
             if self.favours_staying:
-                place = start.origin + to_scene(start.position, start.direction)
                 log_weight = favour_staying(log_weight, mean, place, share, self.stay_bias)
         if self.moves_heaviest:
             kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)

@@ -75,6 +75,9 @@ class ModelConfig(NetworkConfig):
             nothing but the paper's layers; see docs/training.md for what that costs.
         hold_standing: the first mode of a standing agent is uniform motion (not in the paper), so
             that an agent that stays where it is can be predicted exactly.
+        settle_standing: outside of the losses, modes in which a standing agent hardly moves are
+            drawn to uniform motion (not in the paper), see
+            :func:`models.gaussian_mixture.settle_standing`.
         stay_bias: outside of the losses, this is added to the logarithm of the weight of modes in
             which a standing agent stays (not in the paper), see
             :func:`models.gaussian_mixture.favour_staying`.
@@ -110,6 +113,7 @@ class ModelConfig(NetworkConfig):
     trail_branches: int = option(0, low=0)
     conditioned: bool = True
     hold_standing: bool = False
+    settle_standing: bool = False
     stay_bias: float = option(0.0, low=0.0, below=math.inf)
     heaviest_kernels: tuple[float, ...] = option((), low=0.0, below=math.inf)
 

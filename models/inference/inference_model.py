@@ -7,7 +7,11 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from models.gaussian_mixture import favour_staying, heaviest_at_local_mean
+from models.gaussian_mixture import (
+    favour_staying,
+    heaviest_at_local_mean,
+    settle_standing,
+)
 from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.inference.inference_covariance import FastCovariance
 from models.inference.inference_decoder import FastDecoder
@@ -16,7 +20,7 @@ from models.inference.inference_motion import FastMotion
 from models.inference.packed_attention import make_scratch
 from models.mtp_go import MTPGO
 from models.mtp_go_config import ModelConfig
-from models.own_frame.agent_frames import Start, motion_share
+from models.own_frame.agent_frames import Start, motion_share, to_scene
 from models.own_frame.covariance_frames import initial_in_own_frame
 from models.temporal_attention import presence_bias
 
@@ -50,6 +54,7 @@ class FastMTPGO(nn.Module):
     static_everywhere: Final[bool]
     hold_standing: Final[bool]
     sees_trails: Final[bool]
+    settles_standing: Final[bool]
     favours_staying: Final[bool]
     stay_bias: Final[float]
     moves_heaviest: Final[bool]
@@ -77,6 +82,7 @@ class FastMTPGO(nn.Module):
         self.static_everywhere = model.static_everywhere
         self.hold_standing = model.hold_standing
         self.sees_trails = model.sees_trails
+        self.settles_standing = model.settles_standing
         self.favours_staying = model.favours_staying
         self.stay_bias = model.stay_bias
         self.moves_heaviest = model.moves_heaviest
@@ -141,7 +147,11 @@ class FastMTPGO(nn.Module):
         of_q, of_position = self.motion.jacobian(torch.cat(units))
         spread = self.covariance(first, of_q, of_position, noise, start.direction)
         share = motion_share(start.velocity)
-        if self.favours_staying:  # each agent's own frame begins at its place
+        # Each agent's own frame begins at its place.
+        if self.settles_standing:
+            velocity = to_scene(start.velocity, start.direction)
+            mean = settle_standing(mean, start.origin, velocity, share, self.condition.dt_s)
+        if self.favours_staying:
             log_weight = favour_staying(log_weight, mean, start.origin, share, self.stay_bias)
         if self.moves_heaviest:
             kernel = torch.mv(static.flatten(0, 1), self.heaviest_kernels).view(share.shape)

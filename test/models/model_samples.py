@@ -20,6 +20,7 @@ BEYOND_PAPER = {
     "static_inputs": "all",
     "trail_branches": 3,
     "hold_standing": True,
+    "settle_standing": True,
     "stay_bias": 0.6,
     "heaviest_kernels": (0.0, 2.0),
 }

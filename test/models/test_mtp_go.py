@@ -45,6 +45,9 @@ VARIANTS = {
     "trails, twelve steps": {"trail_branches": 2, "horizon_steps": 12},
     "held": {"hold_standing": True},
     "held, scene frame": {"hold_standing": True, "agent_frame": False},
+    "settles": {"settle_standing": True},
+    "settles, first order": {"settle_standing": True, "hold_standing": True, "order": 1},
+    "settles, scene frame": {"settle_standing": True, "agent_frame": False},
     "favours staying": {"stay_bias": 0.6},
     "favours staying, first order": {"stay_bias": 2.0, "order": 1},
     "favours staying, scene frame": {"stay_bias": 0.6, "agent_frame": False},
@@ -275,6 +278,26 @@ def test_the_first_mode_of_a_standing_agent_is_uniform_motion_whatever_the_weigh
     for got, want in ((given[1][:, :6], free[1][:, :6]), (given[1][:, 6, 1:], free[1][:, 6, 1:])):
         torch.testing.assert_close(got, want, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close((given[0], given[2]), (free[0], free[2]), rtol=0.0, atol=0.0)
+
+
+@torch.no_grad()
+def test_modes_in_which_a_standing_agent_hardly_moves_settle_and_no_others():
+    """Agent 6 has 0.2 m/s."""
+    plain = make_model()
+    model = make_model(settle_standing=True)
+    model.load_state_dict(plain.state_dict())
+    scene = make_scene(2, 7, steps=6, odd=False)
+    given, free = model(*scene.inputs()), plain(*scene.inputs())
+    torch.testing.assert_close(given[1][:, :6], free[1][:, :6], rtol=0.0, atol=1e-12)
+    torch.testing.assert_close((given[0], given[2]), (free[0], free[2]), rtol=0.0, atol=0.0)
+    place, velocity = scene.features[:, 6, None, -1, :2], scene.features[:, 6, None, -1, 2:4]
+    time = 0.2 * torch.arange(1, 6, dtype=place.dtype).view(1, -1, 1)
+    uniform = torch.cat((place + velocity * time, velocity.expand(-1, 5, -1)), dim=-1).unsqueeze(1)
+    away = free[1][:, 6] - uniform
+    near = torch.exp(-2.0 * away[:, :, -1, :2].square().sum(-1))
+    expected = uniform + (1.0 - near)[..., None, None] * away
+    torch.testing.assert_close(given[1][:, 6], expected)
+    assert (given[1][:, 6] - free[1][:, 6]).abs().max() > 0.01
 
 
 @torch.no_grad()

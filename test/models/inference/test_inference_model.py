@@ -20,6 +20,7 @@ COVERED = {
     "static features in the encoder": {"static_features": True, "static_inputs": "all"},
     "trails": {"trail_branches": 3},
     "held": {"hold_standing": True},
+    "settles": {"settle_standing": True},
     "favours staying": {"stay_bias": 0.6},
     "heaviest moved": {"heaviest_kernels": (0.0, 2.0)},
     "beyond the paper": BEYOND_PAPER,
