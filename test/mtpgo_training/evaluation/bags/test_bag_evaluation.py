@@ -288,7 +288,7 @@ def test_the_command_compares_several_bags_with_a_model(bag, recording, tmp_path
         models["cv"]["all"]["n"] == models["default"]["all"]["n"] == models["online"]["all"]["n"]
     )
     for found in content["agreement"].values():
-        # Files round to a tenth of a millimetre, from which accelerations are estimated.
+        # Files round to a tenth of a millimetre, as the recording is.
         assert found["default"]["largest_mm"] < 5.0
     assert "online and default, agent by agent" in capsys.readouterr().out
     assert "Recorded and offline predictions" in (report / "index.html").read_text()
