@@ -12,11 +12,7 @@ from models.ablations.direct_states import DirectStates
 from models.decoder import Decoder
 from models.ekf import EkfCovariance
 from models.encoder import Encoder
-from models.gaussian_mixture import (
-    favour_staying,
-    heaviest_at_local_mean,
-    settle_standing,
-)
+from models.gaussian_mixture import favour_staying, heaviest_at_local_mean, settle_standing
 from models.heads import ControlHead, InitialCovariance, MixtureHead, NoiseHead
 from models.mtp_go_config import ModelConfig
 from models.neural_ode import NeuralODE

@@ -7,11 +7,7 @@ from typing import Final
 import torch
 from torch import Tensor, nn
 
-from models.gaussian_mixture import (
-    favour_staying,
-    heaviest_at_local_mean,
-    settle_standing,
-)
+from models.gaussian_mixture import favour_staying, heaviest_at_local_mean, settle_standing
 from models.gnn_layers.interaction_graph import complete_graph, squared_distances
 from models.inference.inference_covariance import FastCovariance
 from models.inference.inference_decoder import FastDecoder

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtpgo_core.frames import rotate
 from mtpgo_core.schema import MOVING_MPS, BoolArray, Float64Array, HistoryWindow
 from mtpgo_core.task.task_description import CHANGE_STEPS
 
@@ -26,7 +27,7 @@ LEAST_DIFFERENCES = 3
 """Differences for an estimate; chosen: of fewer the estimate is mostly chance."""
 
 SMALLEST_STD = 1e-3
-"""Added to the deviations (m, m/s); chosen: nobody measures better, and log 0 is not finite."""
+"""Added to the deviations (m, m/s); chosen: no tracker is better, and log 0 is not finite."""
 
 LARGEST_STD = 10.0
 """Largest deviation told apart (m, m/s); chosen: such a track tells nothing."""
@@ -57,10 +58,10 @@ def track_summary(window: HistoryWindow) -> Float64Array:
 
     The values do not depend on the frame of the window.
     """
-    axes = _own_axes(window)
+    heading = _heading(window)
     offset = window.position - window.position[:, -1:]
-    velocity, velocity_known = _components(window, window.velocity, axes)
-    position, position_known = _components(window, offset, axes)
+    velocity, velocity_known = _along_heading(window, window.velocity, heading)
+    position, position_known = _along_heading(window, offset, heading)
     velocity_std, velocity_enough = _noise_std(velocity, velocity_known, VELOCITY_ORDER)
     position_std, position_enough = _noise_std(position, position_known, POSITION_ORDER)
     known = (velocity_enough & position_enough)[:, None]
@@ -82,26 +83,24 @@ def _level(std: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.log10(np.minimum(std, LARGEST_STD) + SMALLEST_STD) + MIDDLE_LOG)
 
 
-def _own_axes(window: HistoryWindow) -> Float64Array:
-    """Return [n, 2, 2] unit vectors along and across (to the left of) each agent's heading at t.
+def _heading(window: HistoryWindow) -> Float64Array:
+    """Return [n] the heading of each agent at t (rad).
 
-    The heading is the direction of the velocity, the yaw where the agent is slower than
-    ``MOVING_MPS`` and +x where that is unknown.
+    It is the direction of the velocity, the yaw where the agent is slower than ``MOVING_MPS`` and
+    0 where that is unknown.
     """
     velocity = np.nan_to_num(window.velocity[:, -1])
     moving = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
-    heading = np.where(moving, course, np.nan_to_num(window.yaw[:, -1]))
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+    return np.where(moving, course, np.nan_to_num(window.yaw[:, -1]))
 
 
-def _components(
-    window: HistoryWindow, vectors: Float64Array, axes: Float64Array
+def _along_heading(
+    window: HistoryWindow, vectors: Float64Array, heading: Float64Array
 ) -> tuple[Float64Array, BoolArray]:
-    """Return [n, T, 2] components along the axes [n, 2, 2], and [n, T] where they are known."""
+    """Return [n, T, 2] components along the heading and to its left, and [n, T] if known."""
     known = window.valid & np.isfinite(vectors).all(axis=-1)
-    return np.einsum("ntd,nad->nta", np.where(known[..., None], vectors, 0.0), axes), known
+    return rotate(np.where(known[..., None], vectors, 0.0), -heading[:, None]), known
 
 
 def _noise_std(

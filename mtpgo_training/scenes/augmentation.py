@@ -128,24 +128,23 @@ class Augmentation:
         Sizes, noise and changes of velocity are lengths, and mirroring turns left into right. An
         unknown one stays 0, and none exceeds the largest that a scene has.
         """
-        at = {name: i for i, name in enumerate(names)}
         out = static.copy()
-        scale = np.float32(self.scale)
-        for name in _SIZES:
-            if name in at:
-                out[..., at[name]] = np.minimum(out[..., at[name]] * scale, LARGEST_SIZE)
-        for name in NOISE_FEATURES:
-            if name in at:
-                out[..., at[name]] = rescaled_noise(out[..., at[name]], self.scale)
-        for names_of, sign in (
-            (CHANGES_ALONG, 1.0),
-            (CHANGES_ACROSS, -1.0 if self.mirror else 1.0),
-        ):
-            for name in names_of:
-                if name in at:
-                    change = out[..., at[name]] * np.float32(sign) * scale
-                    out[..., at[name]] = np.clip(change, -LARGEST_CHANGE, LARGEST_CHANGE)
+        for i, name in enumerate(names):
+            out[..., i] = self._static_column(name, static[..., i])
         return out
+
+    def _static_column(self, name: str, values: Float32Array) -> Float32Array:
+        """Return the static feature of this name, changed; a class and a flag stay."""
+        if name in NOISE_FEATURES:
+            return rescaled_noise(values, self.scale)
+        scaled = values * np.float32(self.scale)
+        if name in _SIZES:
+            return np.minimum(scaled, LARGEST_SIZE)
+        if name in CHANGES_ACROSS and self.mirror:
+            scaled = -scaled
+        if name in CHANGES_ALONG or name in CHANGES_ACROSS:
+            return np.clip(scaled, -LARGEST_CHANGE, LARGEST_CHANGE)
+        return values
 
     def trails(self, trails: Float32Array) -> Float32Array:
         """Return [..., 3] trail features, which are in the agents' own frames, changed.
