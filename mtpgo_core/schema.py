@@ -90,13 +90,15 @@ class Source(IntEnum):
 
 
 class CalibrationStage(IntEnum):
-    """What was applied to the covariances of a prediction; part of every published point."""
+    """What was applied to the model's prediction; part of every published point."""
 
     NONE = 0
     SHIPPED = 1
     """The calibration in the model's file."""
     ONLINE = 2
-    """That one, and factors learned from what became known of earlier predictions."""
+    """That one, and factors on the covariances learned from what became of earlier predictions."""
+    ONLINE_PATH = 3
+    """Those, and the path was corrected by what was learned."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,20 @@ import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.path_equations import COEFFICIENT_LIMITS, PathFit
 from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
-from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.schema import Float64Array
+from mtpgo_core.task.calibration import CLASS_GROUPS, GROUPS
 from mtpgo_core.whole_file import read_regular, whole_file
 
-FORMAT = 2
+FORMAT = 3
 """Version of the file. In format 1 the factors of the 50 % ellipses were relative to a Gaussian,
-now they are relative to the model's file."""
+now they are relative to the model's file; format 2 had no path correction."""
 
 KIND = "mtpgo live calibration"
 
 _LARGEST_BYTES = 1_000_000
-"""Larger files are not read; a file has some 40 kB."""
+"""Larger files are not read; a file has some 80 kB, six times that with a horizon of 30 s."""
 
 _BEGIN_BYTES = 100
 """Within so many bytes a file says its kind (bytes); chosen: its first key is ``kind``."""
@@ -45,7 +48,7 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
         OSError: it cannot be written.
     """
     _refuse_other_file(path)
-    sigma = np.exp(live.tracker.log_sigma)
+    sigma, paths = np.exp(live.tracker.log_sigma), live.paths.equations.fit
     content = {
         "kind": KIND,
         "format": FORMAT,
@@ -63,6 +66,13 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
             for group, preferred in zip(GROUPS, live.preference.constant_velocity, strict=True)
             if preferred
         ],
+        "paths": {
+            group: {
+                "coefficients": np.round(paths.coefficients[place], 5).tolist(),
+                "belief": np.round(paths.belief[place], 4).tolist(),
+            }
+            for place, group in enumerate(CLASS_GROUPS)
+        },
     }
     with whole_file(path, 0o644) as temporary:
         temporary.write_text(json.dumps(content, separators=(",", ":")) + "\n", encoding="utf-8")
@@ -100,10 +110,22 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         sigma = np.array(rows, dtype=np.float64).transpose(0, 2, 1, 3)
         preferred = content["served_by_constant_velocity"]
         unknown = set(preferred) - set(GROUPS)
+        paths = PathFit(*(_of_groups(content["paths"], f.name) for f in fields(PathFit)))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ConfigurationError(_damaged(path, str(error))) from error
     if sigma.shape != shape:
         raise ConfigurationError(_damaged(path, f"shape {sigma.shape}, expected {shape}"))
+    expected = live.paths.equations.fit
+    for name, values, limits in (
+        ("coefficients", paths.coefficients, COEFFICIENT_LIMITS),
+        ("belief", paths.belief, (0.0, 1.0)),
+    ):
+        if values.shape != getattr(expected, name).shape:
+            told = f"{name} of paths with shape {values.shape}"
+            raise ConfigurationError(_damaged(path, told))
+        if not ((values >= limits[0]) & (values <= limits[1])).all():
+            told = f"{name} of paths beyond {limits[0]:g} to {limits[1]:g}"
+            raise ConfigurationError(_damaged(path, told))
     low, high = SIGMA_LIMITS
     if not ((sigma >= low) & (sigma <= high)).all():
         raise ConfigurationError(_damaged(path, f"factors beyond {low:g} to {high:g}"))
@@ -111,7 +133,13 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         raise ConfigurationError(_damaged(path, f"unknown group {min(map(repr, unknown))}"))
     live.tracker.log_sigma = np.log(sigma)
     live.preference.constant_velocity = np.array([group in preferred for group in GROUPS])
+    live.paths.equations.begin_with(paths)
     return True
+
+
+def _of_groups(found: dict[str, Any], name: str) -> Float64Array:
+    """Return the numbers of one kind of all class groups."""
+    return np.array([found[group][name] for group in CLASS_GROUPS], dtype=np.float64)
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_options import BEST, LiveOptions
 from mtpgo_core.live_calibration.model_preference import ModelPreference
+from mtpgo_core.live_calibration.path_correction import PathCorrection
 from mtpgo_core.live_calibration.served_tables import (
     ServedTables,
     apply_factors,
@@ -52,12 +53,14 @@ class LiveCalibration:
         options: as above.
         tracker: the factors.
         preference: who is better, by group.
+        paths: the correction of the model's paths.
     """
 
     def __init__(self, options: LiveOptions, history: HistoryConfig, horizon_steps: int) -> None:
         self.options = options
         self.tracker = SigmaTracker(options, horizon_steps)
         self.preference = ModelPreference(options)
+        self.paths = PathCorrection(options, history.dt_s, horizon_steps)
         self._limits, self._max_gap_s = MemoryLimits(modes=1), history.max_gap_s
         self._matcher = OutcomeMatcher(history, self._limits)
         self._served = ServedTables()
@@ -67,6 +70,7 @@ class LiveCalibration:
     def configure(self, options: LiveOptions) -> None:
         """Use other options from the next observation on; what was learned is kept."""
         self.options = self.tracker.options = self.preference.options = options
+        self.paths.configure(options)
 
     def serve(self, prediction: Prediction, window: HistoryWindow) -> Prediction:
         """Return the corrected prediction, which is to be published, and remember it for learning.
@@ -82,21 +86,25 @@ class LiveCalibration:
         if len(prediction.time_s) != self.tracker.log_sigma.shape[-1]:
             return prediction
         row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
-        window = window.select(row)
+        everybody, window = window, window.select(row)
         group = calibration_groups(prediction.agent_class, window.velocity[:, -1])
         log_sigma = self.tracker.log_sigma
         if not self.options.learns_factors:
             log_sigma = np.zeros_like(log_sigma)
-        corrected = prediction
+        corrected, paths = prediction, None
+        if self.options.learns_paths:
+            corrected, paths = self.paths.correct(prediction, everybody, row, group)
         if self.options.learns_factors:
-            corrected = apply_factors(prediction, group, log_sigma)
+            corrected = apply_factors(corrected, group, log_sigma)
         spacing_s = self._limits.spacing_s(float(prediction.time_s[-1]), self._max_gap_s)
         with self._lock:
-            learn = self._served.add(
+            span_s = self._served.add(
                 prediction.stamp_ns, log_sigma, log_shipped_50(prediction, group), spacing_s
             )
-        if learn:
+        if span_s:
             self._matcher.add(corrected, window)
+            if paths is not None:
+                self.paths.keep(paths, span_s)
         if self.options.prefer != BEST:
             return corrected
         preferred = self.preference.constant_velocity[group] & (prediction.source == MODEL)
@@ -131,6 +139,7 @@ class LiveCalibration:
         outcomes = self._matcher.update(history, report)
         if report.clock_reset:
             self._now_ns = None
+            self.paths.clear()
             with self._lock:
                 self._served.clear()
         seconds = self._passed_s(outcomes.now_ns)
@@ -138,6 +147,8 @@ class LiveCalibration:
             self.tracker.pass_time(seconds)
             errors = self._squared_errors(outcomes)
             self.tracker.update(errors)
+        if self.options.learns_paths:
+            self.paths.update(seconds, outcomes, history, self._max_gap_s)
         if self.options.prefer == BEST:
             error_m = _errors(outcomes)
             group = outcomes.group.astype(np.intp)
@@ -150,6 +161,7 @@ class LiveCalibration:
             cause: one of :data:`mtpgo_core.quality.outcomes.UNKNOWN`.
         """
         self._matcher.clear(cause)
+        self.paths.clear()
         self._now_ns = None
 
     def _passed_s(self, now_ns: int) -> float:

@@ -68,8 +68,10 @@ class ServedTables:
         log_sigma: Float64Array,
         log_shipped_50: Float64Array,
         spacing_s: float = 0.0,
-    ) -> bool:
-        """Keep the table of a prediction; return whether its outcome shall be learned from.
+    ) -> float:
+        """Keep the table of a prediction; return for how long it counts (s).
+
+        That is 0 for one whose outcome shall not be learned from.
 
         Args:
             stamp_ns: of the prediction (ns).
@@ -85,11 +87,10 @@ class ServedTables:
             self.clear()
             span_s = longest_s
         if span_s < max(_SHORTEST_SPAN_S, spacing_s):
-            return False
-        self._tables.append(
-            ServedTable(stamp_ns, min(span_s, longest_s), log_sigma, log_shipped_50)
-        )
-        return True
+            return 0.0
+        span_s = min(span_s, longest_s)
+        self._tables.append(ServedTable(stamp_ns, span_s, log_sigma, log_shipped_50))
+        return span_s
 
     def find(self, stamp_ns: NDArray[np.int64]) -> tuple[NDArray[np.intp], list[ServedTable]]:
         """Return the tables of predictions.
@@ -133,7 +134,7 @@ def apply_factors(
         prediction,
         covariance=prediction.covariance * np.exp(2.0 * grown)[..., None, None],
         sigma_factor_50=ratio,
-        calibration=np.full(len(prediction), CalibrationStage.ONLINE, dtype=np.uint8),
+        calibration=np.maximum(prediction.calibration, CalibrationStage.ONLINE),
     )
 
 

@@ -66,9 +66,13 @@ def track_summary(window: HistoryWindow) -> Float64Array:
     position_std, position_enough = _noise_std(position, position_known, POSITION_ORDER)
     known = (velocity_enough & position_enough)[:, None]
     levels = _level(np.concatenate([velocity_std, position_std], axis=1))
-    changes = [_change(velocity, velocity_known, steps) for steps in CHANGE_STEPS]
-    along, across = np.stack(changes, axis=-1).transpose(1, 0, 2)
-    return np.concatenate([np.where(known, levels, 0.0), known, along, across], axis=1)
+    changes = _changes(velocity, velocity_known).reshape(len(window), -1)
+    return np.concatenate([np.where(known, levels, 0.0), known, changes], axis=1)
+
+
+def velocity_changes(window: HistoryWindow) -> Float64Array:
+    """Return [n, 2, 5] the last features of :func:`track_summary`: changes along and across."""
+    return _changes(*_along_heading(window, window.velocity, _heading(window)))
 
 
 def rescaled_noise(level: NDArray[Any], scale: float) -> NDArray[Any]:
@@ -116,6 +120,11 @@ def _noise_std(
     squares = (np.where(complete[..., None], differences, 0.0) ** 2).sum(axis=1)
     variance = squares / (np.maximum(enough, 1) * math.comb(2 * order, order))[:, None]
     return np.sqrt(variance), enough >= LEAST_DIFFERENCES
+
+
+def _changes(velocity: Float64Array, known: BoolArray) -> Float64Array:
+    """Return [n, 2, 5] the scaled changes of the velocities [n, T, 2] over ``CHANGE_STEPS``."""
+    return np.stack([_change(velocity, known, steps) for steps in CHANGE_STEPS], axis=-1)
 
 
 def _change(velocity: Float64Array, known: BoolArray, steps: int) -> Float64Array:

@@ -310,6 +310,12 @@ class PredictorParameters:
         choices=CALIBRATIONS,
         change=Change.CONFIGURE,
     )
+    correct_paths: bool = _field(
+        LiveOptions.correct_paths,
+        "With calibration online: the model's paths are corrected by what became of earlier ones,"
+        " too, not only the covariances.",
+        change=Change.CONFIGURE,
+    )
     calibration_file: str = _field(
         "",
         "File in which the online calibration survives a restart; empty keeps it in memory.",
@@ -317,8 +323,8 @@ class PredictorParameters:
     )
     calibration_memory: float = _field(
         LiveOptions.memory_s,
-        "Time constant with which the online calibration forgets factors that no new outcomes"
-        " confirm (s).",
+        "Time constant with which the online calibration forgets what no new outcomes confirm"
+        " (s).",
         low=1.0,
         high=1e6,
     )
@@ -372,6 +378,7 @@ class PredictorParameters:
         return LiveOptions(
             calibration=self.calibration,
             prefer=self.prefer,
+            correct_paths=self.correct_paths,
             memory_s=self.calibration_memory,
             prefer_time_s=self.prefer_time,
             prefer_agents=self.prefer_agents,

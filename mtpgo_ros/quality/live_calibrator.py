@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import BEST
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.schema import HistoryWindow, Prediction, Source
-from mtpgo_core.task.calibration import GROUPS
+from mtpgo_core.task.calibration import CLASS_GROUPS, GROUPS
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_core.whole_file import user_path
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
@@ -162,6 +163,23 @@ class LiveCalibrator:
                 served = live.preference.constant_velocity[group]
                 values[f"error_m_model_and_cv_{name}"] = f"{error_m[0]:.3f} {error_m[1]:.3f}"
                 values[f"served_by_{name}"] = "constant velocity" if served else "model"
+        if options.learns_paths:
+            values |= self._path_values(steps)
+        return values
+
+    def _path_values(self, steps: Sequence[int]) -> dict[str, str]:
+        """Return the shares of the path correction that are applied, by class and direction.
+
+        Args:
+            steps: horizon steps for which they are given.
+        """
+        values = {}
+        belief = self.live.paths.equations.fit.belief
+        for kind, name in enumerate(CLASS_GROUPS):
+            for axis, direction in enumerate(("along", "across")):
+                if belief[kind, axis].any():
+                    shares = belief[kind, axis, steps]
+                    values[f"path_{direction}_{name}"] = " ".join(f"{s:.2f}" for s in shares)
         return values
 
 

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the online calibration makes of a model on a site, and the bars that it has to reach.
 
+The bars are of the ellipses; beside them stand the displacement errors, which its correction of
+paths changes.
+
 Both calibrations are scored on the same predictions, so a model runs once. Only moving road users
 count, and only what was predicted after the first minute, in which the factors are learned.
 """
@@ -19,7 +22,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED, LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.output_assembly import select
-from mtpgo_core.quality.metrics import TIMES_S, anll, is_inside, nees
+from mtpgo_core.quality.metrics import TIMES_S, ade, anll, is_inside, min_ade, nees
 from mtpgo_core.schema import Float64Array, Prediction
 from mtpgo_core.task.calibration import calibration_groups, is_moving
 from mtpgo_training.data.recording import Recording
@@ -37,6 +40,8 @@ LEAST_AGENTS = 10
 
 BARS = {0.5: (0.44, 0.56), 0.9: (0.87, 0.93)}
 """Least and largest share of truths in the ellipses of each level; chosen."""
+
+_ONLINE = LiveOptions()
 
 _SLACK_S = 0.05
 """A step this close to a time is the one at that time (s); chosen: a quarter of a step."""
@@ -62,7 +67,7 @@ class SiteCalibration:
         default_factory=lambda: np.zeros(len(TIMES_S), dtype=np.int64)
     )
     _inside: dict[tuple[str, float], NDArray[np.int64]] = field(default_factory=dict)
-    _nll: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _means: dict[tuple[str, str], tuple[float, int]] = field(default_factory=dict)
 
     def add(self, calibration: str, prediction: Prediction, truth: GroundTruth) -> None:
         """Add predictions with one of the calibrations."""
@@ -77,10 +82,14 @@ class SiteCalibration:
             inside = (is_inside(squared, level, factor) & known).sum(axis=0)
             key = (calibration, level)
             self._inside[key] = self._inside.get(key, np.zeros_like(self.known)) + inside
-        values = anll(*rows, truth.mask)
-        values = values[np.isfinite(values)]
-        total, number = self._nll.get(calibration, (0.0, 0))
-        self._nll[calibration] = (total + float(values.sum()), number + len(values))
+        for name, values in (
+            ("nll", anll(*rows, truth.mask)),
+            ("ade", ade(mean, weight, truth.position, truth.mask)),
+            ("min_ade", min_ade(mean, truth.position, truth.mask)),
+        ):
+            values = values[np.isfinite(values)]
+            total, number = self._means.get((name, calibration), (0.0, 0))
+            self._means[name, calibration] = total + float(values.sum()), number + len(values)
         if calibration == SHIPPED:
             self.known += known.sum(axis=0)
             self.predictions += len(prediction)
@@ -92,7 +101,18 @@ class SiteCalibration:
 
     def nll(self, calibration: str) -> float:
         """Return the negative log-likelihood (nats), averaged over the predictions."""
-        total, number = self._nll.get(calibration, (0.0, 0))
+        return self._mean("nll", calibration)
+
+    def ade(self, calibration: str) -> float:
+        """Return the displacement error of the heaviest mode (m), averaged in the same way."""
+        return self._mean("ade", calibration)
+
+    def min_ade(self, calibration: str) -> float:
+        """Return that of the best mode (m)."""
+        return self._mean("min_ade", calibration)
+
+    def _mean(self, name: str, calibration: str) -> float:
+        total, number = self._means.get((name, calibration), (0.0, 0))
         return total / number if number else float("nan")
 
     @property
@@ -119,6 +139,7 @@ def measure_calibration(
     tracker_seed: int | None = None,
     stride_s: float = 0.4,
     after_s: float = AFTER_S,
+    options: LiveOptions = _ONLINE,
 ) -> SiteCalibration:
     """Return what both calibrations are worth on the recordings of a site.
 
@@ -131,13 +152,14 @@ def measure_calibration(
         tracker_seed: of the simulated tracker that observes, None for observations as recorded.
         stride_s: time between two predictions (s); the calibration learns from each at 0.4 s.
         after_s: predictions of the first seconds after a start do not count (s).
+        options: of the online calibration.
     """
     history, horizon = runner.task.history, runner.task.horizon_steps
     result = SiteCalibration()
-    live, past_s = LiveCalibration(LiveOptions(calibration=ONLINE), history, horizon), 0.0
+    live, past_s = LiveCalibration(options, history, horizon), 0.0
     for recording in recordings:
         if recording.duration_s >= _JOINED_BELOW_S:
-            live, past_s = LiveCalibration(live.options, history, horizon), 0.0
+            live, past_s = LiveCalibration(options, history, horizon), 0.0
         live.clear_stream("clock_reset")
         observed = recording
         if tracker_seed is not None:

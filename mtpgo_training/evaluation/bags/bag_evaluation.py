@@ -14,7 +14,6 @@ from typing import Any
 from msg_adapters.bags.bag_reader import BagReader, bag_name
 from msg_adapters.predictions import predictions_in_bag
 from mtpgo_core.errors import ConfigurationError, RecordingError
-from mtpgo_core.live_calibration.live_options import ONLINE
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.output_assembly import delay_ns, from_horizon_start, time_grid
 from mtpgo_core.schema import CalibrationStage, Prediction, Source
@@ -38,6 +37,8 @@ from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
+
+_ONLINE = (CalibrationStage.ONLINE, CalibrationStage.ONLINE_PATH)
 
 PROTOCOL = "all"
 """Protocol of recorded predictions: a node publishes each road user once."""
@@ -312,14 +313,17 @@ class _RecordingEvaluation:
         if first:
             result.evaluation.note_missing_lanes(self.runners, self.recording, self.name)
         stamps = [p.stamp_ns for p in predictions]
-        with_online = first and bool(result.published[bag].get(ONLINE))
+        published = result.published[bag]
+        with_online = first and any(stage.name.lower() in published for stage in _ONLINE)
         for model, runner in self.runners.items():
             agreement = result.agreements.setdefault(bag, {}).setdefault(model, Agreement())
             scorer = self._scorer(runner.task.history)
             ahead_ns = map(delay_ns, predictions)
             own_all = replay_offline(runner, self.recording, stamps, ahead_ns)
             for recorded, (own, online) in zip(predictions, own_all, strict=True):
-                agreement.add(from_horizon_start(recorded), own, self.recording, self.name)
+                moved = (recorded.calibration == CalibrationStage.ONLINE_PATH).any()
+                same = online if moved else own
+                agreement.add(from_horizon_start(recorded), same, self.recording, self.name)
                 if not (first and len(own)):
                     continue
                 result.evaluation.add(model, PROTOCOL, scorer, own)

@@ -11,6 +11,8 @@ from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.calibration_file import restore, save
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.path_equations import PathFit
+from mtpgo_core.live_calibration.path_features import FEATURES
 from mtpgo_core.task.task_description import HistoryConfig
 
 WEIGHTS = "ab" * 32
@@ -26,6 +28,9 @@ def saved(live, tmp_path):
     rng = np.random.default_rng(0)
     live.tracker.log_sigma = rng.uniform(-1.0, 1.0, size=live.tracker.log_sigma.shape)
     live.preference.constant_velocity[1] = True
+    paths = live.paths.equations.fit
+    fit = PathFit(rng.normal(size=paths.coefficients.shape), rng.uniform(size=paths.belief.shape))
+    live.paths.equations.begin_with(fit)
     path = tmp_path / "calibration.json"
     save(live, WEIGHTS, path)
     return path
@@ -36,7 +41,10 @@ def test_what_was_learned_comes_back(live, saved):
     assert restore(other, WEIGHTS, saved)
     np.testing.assert_allclose(other.tracker.log_sigma, live.tracker.log_sigma, atol=2e-4)
     assert other.preference.constant_velocity.tolist() == [False, True, *[False] * 6]
-    assert saved.stat().st_size < 50_000
+    for name in ("coefficients", "belief"):
+        found, expected = (getattr(o.paths.equations.fit, name) for o in (other, live))
+        np.testing.assert_allclose(found, expected, atol=6e-5)
+    assert saved.stat().st_size < 100_000
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]  # no temporary files
 
 
@@ -60,6 +68,15 @@ def _first_factor(value):
     return change
 
 
+def _path(name, value):
+    def change(text):
+        content = json.loads(text)
+        content["paths"]["vehicle"][name][0][0] = value
+        return json.dumps(content)
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
@@ -70,7 +87,7 @@ def _first_factor(value):
         (lambda text: "\0" * 100, "is damaged"),
         (lambda text: "[]", "is no calibration file"),
         (lambda text: "{}", "is no calibration file"),
-        (_change(format=1), "has format 1, expected 2"),
+        (_change(format=2), "has format 2, expected 3"),
         (_change(weights_sha256="cd" * 32), "is of a model with weights cdcdcdcdcdcd"),
         (_change(weights_sha256=None), "is of a model with weights None"),
         (_change(levels=[0.5, 0.95]), "other levels"),
@@ -83,6 +100,13 @@ def _first_factor(value):
         (_change(served_by_constant_velocity=3), "is damaged"),
         (_first_factor(float("nan")), "factors beyond 0.2 to 8"),
         (_first_factor(9.0), "factors beyond 0.2 to 8"),
+        (_change(paths={}), "is damaged"),
+        (_change(paths=[]), "is damaged"),
+        (_path("belief", 1.5), "belief of paths beyond 0 to 1"),
+        (_path("belief", float("nan")), "belief of paths beyond 0 to 1"),
+        (_path("belief", "much"), "is damaged"),
+        (_path("coefficients", [1e4] * FEATURES), "coefficients of paths beyond -1000 to 1000"),
+        (_path("coefficients", [1.0]), "is damaged"),
         (_first_factor("much"), "is damaged"),
         (_first_factor([1.0]), "is damaged"),
     ],
@@ -96,6 +120,7 @@ def test_a_bad_file_is_refused_in_one_sentence_and_changes_nothing(live, saved, 
     assert str(saved) in str(caught.value)
     assert len(str(caught.value)) < 400
     assert (other.tracker.log_sigma == 0.0).all()
+    assert (other.paths.equations.fit.belief == 0.0).all()
 
 
 def test_bytes_that_are_no_text_are_refused(live, saved):

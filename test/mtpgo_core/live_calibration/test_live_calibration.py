@@ -21,6 +21,7 @@ from mtpgo_core.task.task_description import HistoryConfig
 
 MOVING, AGENTS, SPEED_MPS = 1, 8, 10.0
 ONLINE = LiveOptions()
+COVARIANCES_ONLY = LiveOptions(correct_paths=False)
 
 
 class Road:
@@ -86,8 +87,8 @@ def variance_x(prediction):
     return prediction.covariance[:, 0, :, 0, 0]
 
 
-def test_covariances_are_corrected_and_nothing_else():
-    road = Road(offset_m=5.0)
+def test_without_path_correction_covariances_are_corrected_and_nothing_else():
+    road = Road(COVARIANCES_ONLY, offset_m=5.0)
     served = road.drive(20.0)
     factor = np.sqrt(variance_x(served) / variance_x(road.shipped))
     assert (factor[:, :3] > 1.5).all()
@@ -236,7 +237,7 @@ def test_a_clock_that_is_set_back_keeps_what_was_learned():
 
 
 def test_constant_velocity_is_preferred_and_the_model_watched_until_it_is_better():
-    options = LiveOptions(prefer="best", prefer_time_s=5.0, prefer_agents=5)
+    options = LiveOptions(prefer="best", prefer_time_s=5.0, prefer_agents=5, correct_paths=False)
     road = Road(options, offset_m=2.0)
     assert (road.drive(4.0).source == Source.MODEL).all()
     served = road.drive(8.0)

@@ -3,6 +3,7 @@
 """Which predictions are learned from, for how long each counts, and which factors it had."""
 
 import numpy as np
+import pytest
 
 from mtpgo_core.live_calibration.served_tables import ServedTables
 
@@ -23,14 +24,14 @@ def spans_s(tables):
 def test_a_prediction_counts_for_the_time_since_the_last_one_and_at_most_a_second():
     tables = ServedTables()
     taken = [add(tables, stamp_s) for stamp_s in (10.0, 10.2, 10.4, 10.7, 11.2, 15.0)]
-    assert taken == [True, False, True, False, True, True]
+    assert taken == pytest.approx([1.0, 0.0, 0.4, 0.0, 0.8, 1.0])
     np.testing.assert_allclose(spans_s(tables), [1.0, 0.4, 0.8, 1.0])
 
 
 def test_predictions_that_are_kept_more_rarely_count_for_longer():
     tables = ServedTables()
     taken = [add(tables, stamp_s, spacing_s=2.0) for stamp_s in (10.0, 11.9, 12.1, 20.0)]
-    assert taken == [True, False, True, True]
+    assert taken == pytest.approx([4.0, 0.0, 2.1, 4.0])
     np.testing.assert_allclose(spans_s(tables), [4.0, 2.1, 4.0])
 
 

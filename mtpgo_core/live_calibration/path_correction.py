@@ -1,0 +1,247 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""Predicted paths corrected by what became of earlier ones on the same road.
+
+How strongly traffic answers to a gap that closes, and for how long it accelerates, differs from
+road to road and is not known before. A linear function of a few numbers of each road user is
+fitted to the errors of the model's paths as they become known, and applied to the next ones as far
+as its own earlier proposals were right (docs/design.md, "Path correction").
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtpgo_core.frames import rotate
+from mtpgo_core.history.track_history import TrackHistory
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, PathFit
+from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
+from mtpgo_core.prediction.constant_velocity import motion_yaw
+from mtpgo_core.prediction.forward_motion import without_reversing
+from mtpgo_core.prediction.output_assembly import replace_rows, select, time_grid
+from mtpgo_core.quality.outcomes import Outcomes
+from mtpgo_core.schema import (
+    MOVING_MPS,
+    CalibrationStage,
+    Float64Array,
+    HistoryWindow,
+    IndexArray,
+    KeyArray,
+    Prediction,
+    Source,
+)
+from mtpgo_core.task.calibration import MOTIONS, GroupArray
+
+_LARGEST_ERROR = 3.0
+"""An error counts as at most so many standard deviations of the heaviest mode, as the model's file
+states them; chosen: an identity that went over to another road user must not count like fifty."""
+
+_LARGEST_SHIFT = 1.0
+"""No path is moved by more standard deviations of its heaviest mode; chosen: the correction says
+what is likely within what the model thought possible."""
+
+
+@dataclass(frozen=True)
+class ServedPaths:
+    """Paths of the model as they came, and what was proposed for them, kept to learn from.
+
+    Attributes:
+        stamp_ns: of the prediction (ns).
+        end_ns: when its horizon has passed (ns).
+        key: [n, 4] identities.
+        kind: [n] class groups, positions in ``CLASS_GROUPS``.
+        mean: [n, H, 2] the model's path in the heaviest mode (m).
+        features: of the paths.
+        proposal: [n, H, 2] proposed corrections, along and across (m).
+        weight_s: how long the prediction stands for (s).
+    """
+
+    stamp_ns: int
+    end_ns: int
+    key: KeyArray
+    kind: IndexArray
+    mean: Float64Array
+    features: PathFeatures
+    proposal: Float64Array
+    weight_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """Served paths of known tracks.
+
+    Attributes:
+        paths: as served.
+        number: [k] ascending numbers of tracks.
+        row: [k] their rows.
+    """
+
+    paths: ServedPaths
+    number: NDArray[np.int64]
+    row: IndexArray
+
+
+class PathCorrection:
+    """Corrects the model's paths of moving road users.
+
+    :meth:`correct` and :meth:`keep` may be called from any thread, the others from one.
+
+    Args:
+        options: may be replaced by :meth:`configure`.
+        dt_s: step of the horizon (s).
+        steps: H.
+
+    Attributes:
+        equations: what was learned.
+    """
+
+    def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
+        self.equations = PathEquations(options, dt_s, steps)
+        self._waiting: deque[ServedPaths] = deque()
+        self._followed: dict[int, _Followed] = {}
+        self._lock = threading.Lock()
+
+    def configure(self, options: LiveOptions) -> None:
+        """Use other options from the next observation on."""
+        self.equations.options = options
+
+    def correct(
+        self, prediction: Prediction, window: HistoryWindow, row: IndexArray, group: GroupArray
+    ) -> tuple[Prediction, ServedPaths]:
+        """Return the prediction with corrected paths, and what to :meth:`keep` to learn from it.
+
+        All modes of a road user are moved, but only the heaviest towards their mean. What the
+        model does not predict and what stands or has no velocity stays as it is.
+
+        Args:
+            prediction: with the shipped calibration.
+            window: of all agents.
+            row: [n] the predicted agents' positions in the window.
+            group: [n] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
+        """
+        velocity = window.velocity[row, -1]
+        with np.errstate(invalid="ignore"):
+            moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
+        chosen = np.flatnonzero(moves & (prediction.source == Source.MODEL))
+        some, row = select(prediction, chosen), row[chosen]
+        kind, fit = group[chosen].astype(np.intp) // len(MOTIONS), self.equations.fit
+        features = path_features(some, window, row)
+        proposal = _proposed(fit, kind, features.values, features.sigma)
+        served = ServedPaths(
+            stamp_ns=prediction.stamp_ns,
+            end_ns=prediction.stamp_ns + round(1e9 * float(prediction.time_s[-1])),
+            key=some.key,
+            kind=kind,
+            mean=some.mean[:, 0, :, :2],
+            features=features,
+            proposal=proposal,
+        )
+        believed = features.share[:, None, None] * fit.belief[kind].transpose(0, 2, 1)
+        if not believed.any():
+            return prediction, served
+        others = features.values.copy()
+        others[..., MIXTURE] = 0.0
+        shift = np.repeat(
+            _proposed(fit, kind, others, features.sigma)[:, None], some.weight.shape[1], axis=1
+        )
+        shift[:, 0] = proposal
+        shift *= believed[:, None]
+        moved = _moved(some, rotate(shift, features.course[:, None, None]))
+        moved = without_reversing(moved, window.select(row))
+        return replace_rows(prediction, chosen, moved), served
+
+    def keep(self, served: ServedPaths, weight_s: float) -> None:
+        """Learn from a prediction when its outcome becomes known.
+
+        Args:
+            served: of :meth:`correct`.
+            weight_s: how long it stands for (s).
+        """
+        with self._lock:
+            self._waiting.append(dataclasses.replace(served, weight_s=weight_s))
+
+    def clear(self) -> None:
+        """Forget the predictions whose outcomes are not known yet; keep what was learned."""
+        with self._lock:
+            self._waiting.clear()
+        self._followed.clear()
+
+    def update(
+        self, seconds: float, outcomes: Outcomes, history: TrackHistory, longest_wait_s: float
+    ) -> None:
+        """Learn from the last observation.
+
+        Args:
+            seconds: time since the last call (s).
+            outcomes: that it reveals.
+            history: after the observation.
+            longest_wait_s: how long after a step its truth may come (s).
+        """
+        self._follow(history, outcomes.now_ns - round(1e9 * longest_wait_s))
+        self.equations.pass_time(seconds)
+        known = outcomes.select(np.flatnonzero(outcomes.known))
+        for stamp_ns in np.unique(known.stamp_ns).tolist():
+            followed = self._followed.get(stamp_ns)
+            if followed is not None:
+                self.equations.add(_errors(followed, known.select(known.stamp_ns == stamp_ns)))
+
+    def _follow(self, history: TrackHistory, oldest_ns: int) -> None:
+        """Find the tracks of the predictions that came since the last observation."""
+        with self._lock:
+            waiting = list(self._waiting)
+            self._waiting.clear()
+        now_ns = history.newest_stamp_ns or 0
+        for paths in waiting:
+            if paths.stamp_ns > now_ns:
+                continue  # made before the clock was set back
+            number = history.track_numbers(paths.key, paths.stamp_ns)
+            row = np.flatnonzero(number >= 0)
+            if len(row):
+                row = row[np.argsort(number[row])]
+                self._followed[paths.stamp_ns] = _Followed(paths, number[row], row)
+        passed = [at for at, one in self._followed.items() if one.paths.end_ns < oldest_ns]
+        for stamp_ns in passed:
+            del self._followed[stamp_ns]
+
+
+def _errors(followed: _Followed, outcomes: Outcomes) -> PathErrors:
+    """Return the errors of the paths of one prediction."""
+    paths = followed.paths
+    place = np.searchsorted(followed.number, outcomes.track)
+    found = followed.number[np.minimum(place, len(followed.number) - 1)] == outcomes.track
+    row, step = followed.row[place[found]], outcomes.step[found]
+    offset = outcomes.truth[found] - paths.mean[row, step]
+    error = rotate(offset, -paths.features.course[row])
+    most = _LARGEST_ERROR * paths.features.sigma[row, step]
+    return PathErrors(
+        kind=paths.kind[row],
+        step=step,
+        weight=np.full(len(row), paths.weight_s),
+        features=paths.features.values[row],
+        error=np.clip(error, -most, most),
+        proposal=paths.proposal[row, step],
+    )
+
+
+def _proposed(
+    fit: PathFit, kind: IndexArray, features: Float64Array, sigma: Float64Array
+) -> Float64Array:
+    """Return [n, H, 2] proposals (m), at most so many standard deviations [n, H, 2] (m)."""
+    most = _LARGEST_SHIFT * sigma
+    return np.clip(fit.propose(kind, features), -most, most)
+
+
+def _moved(prediction: Prediction, shift: Float64Array) -> Prediction:
+    """Return a prediction with its modes moved by [n, M, H, 2] (m), velocities and yaw as well."""
+    drift = np.diff(shift, axis=2, prepend=0.0) / time_grid(prediction.time_s)[1]
+    mean = prediction.mean + np.concatenate([shift, drift], axis=-1)
+    yaw = motion_yaw(mean, prediction.initial_yaw)
+    stage = np.full(len(prediction), CalibrationStage.ONLINE_PATH, dtype=np.uint8)
+    return dataclasses.replace(prediction, mean=mean, yaw=yaw, calibration=stage)

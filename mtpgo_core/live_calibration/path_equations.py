@@ -1,0 +1,150 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""A linear function of the features of paths, fitted to errors as they become known.
+
+Recursive least squares with a ridge and exponential forgetting (Haykin, Adaptive Filter Theory,
+chapter on the recursive least-squares algorithm), one for each class group, direction and step
+ahead. What it would have proposed earlier says how much of it is believed now.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.path_features import FEATURES
+from mtpgo_core.schema import Float64Array, IndexArray
+from mtpgo_core.task.calibration import CLASS_GROUPS
+
+ANY = list(CLASS_GROUPS).index("any")
+"""The class group that learns from the road users of all classes."""
+
+COEFFICIENT_LIMITS = (-1e3, 1e3)
+"""Smallest and largest coefficient (m); chosen: no proposal for features of 1 is that far."""
+
+_DOUBTED_MPS = 0.05
+"""How fast a proposal drifts away from the model's path that is not believed without evidence
+(m/s); chosen: 25 cm after 5 s, too little to matter."""
+
+_FIT_EVERY_S = 1.0
+"""Time between two solutions of the equations (s); chosen: what comes in a second changes
+little."""
+
+
+@dataclass(frozen=True)
+class PathErrors:
+    """Errors of m steps of the model's paths.
+
+    Attributes:
+        kind: [m] class groups, positions in ``CLASS_GROUPS``.
+        step: [m] steps ahead, from 0.
+        weight: [m] how long each stands for (s).
+        features: [m, 2, F], see :class:`~mtpgo_core.live_calibration.path_features.PathFeatures`.
+        error: [m, 2] truth minus path, along and across (m).
+        proposal: [m, 2] what was proposed for it when the path was served (m).
+    """
+
+    kind: IndexArray
+    step: IndexArray
+    weight: Float64Array
+    features: Float64Array
+    error: Float64Array
+    proposal: Float64Array
+
+
+@dataclass(frozen=True)
+class PathFit:
+    """What is applied.
+
+    Attributes:
+        coefficients: [class groups, 2, H, F] of the proposals.
+        belief: [class groups, 2, H] share of the proposals that is applied, 0 to 1.
+    """
+
+    coefficients: Float64Array
+    belief: Float64Array
+
+    def propose(self, kind: IndexArray, features: Float64Array) -> Float64Array:
+        """Return [n, H, 2] proposals (m).
+
+        Args:
+            kind: [n] class groups.
+            features: [n, 2, F].
+        """
+        return np.einsum("nakf,naf->nka", self.coefficients[kind], features)
+
+
+class PathEquations:
+    """The sums of the equations, and their last solution.
+
+    Args:
+        options: may be replaced.
+        dt_s: step of the horizon (s).
+        steps: H.
+
+    Attributes:
+        options: as above.
+        fit: the last solution; replaced, never changed, so that any thread may read it.
+    """
+
+    def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
+        self.options = options
+        shape = (len(CLASS_GROUPS), 2, steps)
+        self.fit = self._begin = PathFit(np.zeros((*shape, FEATURES)), np.zeros(shape))
+        self._square = np.zeros((*shape, FEATURES, FEATURES))
+        self._product = np.zeros((*shape, FEATURES))
+        self._agreed, self._proposed = np.zeros(shape), np.zeros(shape)
+        self._doubted_m2 = (_DOUBTED_MPS * dt_s * np.arange(1, steps + 1)) ** 2
+        self._since_fit_s = 0.0
+
+    def begin_with(self, fit: PathFit) -> None:
+        """Begin with a solution of earlier sums, to which forgetting leads back."""
+        self.fit = self._begin = fit
+
+    def pass_time(self, seconds: float) -> None:
+        """Let what was learned fade, and solve the equations again from time to time (s)."""
+        kept = math.exp(-seconds / self.options.memory_s)
+        for sums in (self._square, self._product, self._agreed, self._proposed):
+            sums *= kept
+        self._since_fit_s += seconds
+        if self._since_fit_s >= _FIT_EVERY_S:
+            self._since_fit_s = 0.0
+            self._solve()
+
+    def _solve(self) -> None:
+        ridge = self.options.path_ridge
+        product = self._product + ridge * self._begin.coefficients
+        square = self._square + ridge * np.eye(FEATURES)
+        solution = np.linalg.solve(square, product[..., None])[..., 0]
+        coefficients = np.clip(solution, *COEFFICIENT_LIMITS)
+        doubted = self.options.path_doubt * self._doubted_m2
+        # Times this, the proposals so far would have had the smallest squared errors.
+        agreed = self._agreed + doubted * self._begin.belief
+        belief = np.clip(agreed / (self._proposed + doubted), 0.0, 1.0)
+        self.fit = PathFit(coefficients, belief)
+
+    def add(self, errors: PathErrors) -> None:
+        """Add errors to the equations of their own class group and of ``any``."""
+        if not len(errors.kind):
+            return
+        steps = self._product.shape[2]
+        own = errors.kind != ANY
+        row = np.concatenate([np.flatnonzero(own), np.arange(len(own))])
+        kind = np.concatenate([errors.kind[own], np.full(len(own), ANY)])
+        cell = kind * steps + errors.step[row]
+        order = np.argsort(cell, kind="stable")
+        row, cell = row[order], cell[order]
+        first = np.flatnonzero(np.diff(cell, prepend=-1))
+        where = cell[first] // steps, cell[first] % steps
+        x, y, p = errors.features[row], errors.error[row], errors.proposal[row]
+        weighted = errors.weight[row, None, None] * x  # [r, 2, F]
+        for sums, values in (
+            (self._square, weighted[..., None] * x[..., None, :]),
+            (self._product, weighted * y[..., None]),
+            (self._agreed, errors.weight[row, None] * y * p),
+            (self._proposed, errors.weight[row, None] * p * p),
+        ):
+            sums[where[0], :, where[1]] += np.add.reduceat(values, first, axis=0)

@@ -1,0 +1,129 @@
+# Copyright 2026 the mtpgo_ros developers
+# SPDX-License-Identifier: Apache-2.0
+"""The linear function that is fitted to errors of paths, and how far it is believed."""
+
+import numpy as np
+import pytest
+
+from mtpgo_core.live_calibration.live_options import LiveOptions
+from mtpgo_core.live_calibration.path_equations import ANY, PathEquations, PathErrors, PathFit
+from mtpgo_core.live_calibration.path_features import FEATURES
+
+VEHICLE, PEDESTRIAN = 0, 2
+ALONG, ACROSS = 0, 1
+STEPS = 5
+
+
+@pytest.fixture
+def equations():
+    return PathEquations(LiveOptions(), 0.2, STEPS)
+
+
+def feed(equations, slope, *, seconds=120, kind=VEHICLE, agents=10, noise_m=0.0, seed=0):
+    """Let errors be a slope times the first feature (along) and half of it (across)."""
+    rng = np.random.default_rng(seed)
+    for _ in range(seconds):
+        features = np.zeros((agents, 2, FEATURES))
+        features[..., :2] = rng.normal(size=(agents, 2, 2))
+        proposal = equations.fit.propose(np.full(agents, kind), features)
+        wanted = slope * features[..., 0] * np.array([1.0, 0.5])
+        for step in range(STEPS):
+            equations.add(
+                PathErrors(
+                    kind=np.full(agents, kind),
+                    step=np.full(agents, step),
+                    weight=np.ones(agents),
+                    features=features,
+                    error=(step + 1) * wanted + rng.normal(scale=noise_m, size=(agents, 2)),
+                    proposal=proposal[:, step],
+                )
+            )
+        equations.pass_time(1.0)
+
+
+def test_what_errors_depend_on_is_found_by_step_and_direction(equations):
+    feed(equations, 0.3)
+    found = equations.fit
+    steps = np.arange(1, STEPS + 1)
+    for axis, share in ((ALONG, 1.0), (ACROSS, 0.5)):
+        first = found.coefficients[VEHICLE, axis, :, 0]
+        np.testing.assert_allclose(first, 0.3 * share * steps, rtol=0.02)
+    assert np.abs(found.coefficients[VEHICLE, ..., 1:]).max() < 0.01
+    assert (found.belief[VEHICLE] > 0.9).all()
+    # The one for unknown classes learns from all, that of another class nothing.
+    np.testing.assert_allclose(found.coefficients[ANY], found.coefficients[VEHICLE])
+    assert not found.coefficients[PEDESTRIAN].any()
+    assert not found.belief[PEDESTRIAN].any()
+
+
+def test_errors_of_unknown_classes_count_once(equations):
+    feed(equations, 0.3, kind=ANY)
+    other = PathEquations(LiveOptions(), 0.2, STEPS)
+    feed(other, 0.3, kind=VEHICLE)
+    np.testing.assert_allclose(equations.fit.coefficients[ANY], other.fit.coefficients[ANY])
+    assert not equations.fit.coefficients[VEHICLE].any()
+
+
+def test_proposals_out_of_noise_are_not_believed(equations):
+    feed(equations, 0.0, noise_m=1.0, seconds=60)
+    fit = equations.fit
+    assert np.abs(fit.coefficients[VEHICLE]).max() > 0.0
+    assert (fit.belief[VEHICLE] < 0.5).all()
+    assert np.abs(fit.belief[..., None] * fit.coefficients).max() < 0.03
+
+
+def test_nothing_is_believed_at_once(equations):
+    feed(equations, 0.03, seconds=1, agents=2)
+    assert not equations.fit.belief.any()  # nothing was proposed before
+    feed(equations, 0.03, seconds=5, agents=2)
+    few = equations.fit.belief[VEHICLE, ALONG, -1]
+    feed(equations, 0.03, seconds=600, agents=2)
+    assert 0.0 < few < 0.5 < equations.fit.belief[VEHICLE, ALONG, -1]
+
+
+def test_what_turns_round_is_followed_and_not_believed_meanwhile():
+    equations = PathEquations(LiveOptions(memory_s=60.0), 0.2, STEPS)
+    feed(equations, 0.3, seconds=120)
+    before = equations.fit
+    feed(equations, -0.3, seconds=30, seed=1)
+    between = equations.fit
+    assert (between.belief[VEHICLE, ALONG] < before.belief[VEHICLE, ALONG]).all()
+    feed(equations, -0.3, seconds=300, seed=2)
+    assert (equations.fit.coefficients[VEHICLE, ALONG, :, 0] < 0.0).all()
+    assert (equations.fit.belief[VEHICLE, ALONG] > 0.8).all()
+
+
+def test_without_outcomes_what_was_learned_is_forgotten_towards_what_was_begun_with(equations):
+    feed(equations, 0.3)
+    for _ in range(20):
+        equations.pass_time(600.0)
+    assert np.abs(equations.fit.coefficients).max() < 0.05
+    assert equations.fit.belief.max() < 0.1
+
+    rng = np.random.default_rng(1)
+    shape = equations.fit.coefficients.shape
+    begin = PathFit(rng.normal(size=shape), rng.uniform(size=shape[:-1]))
+    again = PathEquations(LiveOptions(), 0.2, STEPS)
+    again.begin_with(begin)
+    again.pass_time(1.0)
+    np.testing.assert_allclose(again.fit.coefficients, begin.coefficients)
+    np.testing.assert_allclose(again.fit.belief, begin.belief)
+    feed(again, 0.3)
+    steps = np.arange(1, STEPS + 1)
+    np.testing.assert_allclose(again.fit.coefficients[VEHICLE, ALONG, :, 0], 0.3 * steps, rtol=0.1)
+    np.testing.assert_allclose(again.fit.coefficients[PEDESTRIAN], begin.coefficients[PEDESTRIAN])
+
+
+def test_nothing_to_learn_from_changes_nothing(equations):
+    equations.add(
+        PathErrors(
+            kind=np.empty(0, dtype=np.intp),
+            step=np.empty(0, dtype=np.intp),
+            weight=np.empty(0),
+            features=np.empty((0, 2, FEATURES)),
+            error=np.empty((0, 2)),
+            proposal=np.empty((0, 2)),
+        )
+    )
+    equations.pass_time(2.0)
+    assert not equations.fit.coefficients.any()
