@@ -4,7 +4,9 @@
 
 Recursive least squares with a ridge and exponential forgetting (Haykin, Adaptive Filter Theory,
 chapter on the recursive least-squares algorithm), one for each class group, direction and step
-ahead. What it would have proposed earlier says how much of it is believed now.
+ahead. What remains of an error beside its proposal is limited (Huber, Robust estimation of a
+location parameter, 1964, there of residuals from a mean), so that no single road user has much
+influence. What would have been proposed earlier says how much of it is believed now.
 """
 
 from __future__ import annotations
@@ -28,6 +30,17 @@ COEFFICIENT_LIMITS = (-1e3, 1e3)
 _DOUBTED_MPS = 0.05
 """How fast a proposal drifts away from the model's path that is not believed without evidence
 (m/s); chosen: 25 cm after 5 s, too little to matter."""
+
+_LARGEST_RESIDUAL = 2.0
+"""What remains of an error counts as at most so many times the mean absolute residual of its class
+group, direction and step; chosen on left-out sites (docs/design.md, "Path correction")."""
+
+_LARGEST_SQUARE = 4.0
+"""Squared length of the features beyond which an error counts less, in inverse proportion, as in a
+generalised M-estimator with Mallows' weights; chosen there, too."""
+
+_SCALE_AFTER_S = 5.0
+"""Seconds of one road user after which that mean is known well enough; chosen."""
 
 _FIT_EVERY_S = 1.0
 """Time between two solutions of the equations (s); chosen: what comes in a second changes
@@ -97,6 +110,7 @@ class PathEquations:
         self._square = np.zeros((*shape, FEATURES, FEATURES))
         self._product = np.zeros((*shape, FEATURES))
         self._agreed, self._proposed = np.zeros(shape), np.zeros(shape)
+        self._residual, self._weight = np.zeros(shape), np.zeros(shape)
         self._doubted_m2 = (_DOUBTED_MPS * dt_s * np.arange(1, steps + 1)) ** 2
         self._since_fit_s = 0.0
 
@@ -107,7 +121,14 @@ class PathEquations:
     def pass_time(self, seconds: float) -> None:
         """Let what was learned fade, and solve the equations again from time to time (s)."""
         kept = math.exp(-seconds / self.options.memory_s)
-        for sums in (self._square, self._product, self._agreed, self._proposed):
+        for sums in (
+            self._square,
+            self._product,
+            self._agreed,
+            self._proposed,
+            self._residual,
+            self._weight,
+        ):
             sums *= kept
         self._since_fit_s += seconds
         if self._since_fit_s >= _FIT_EVERY_S:
@@ -139,12 +160,27 @@ class PathEquations:
         row, cell = row[order], cell[order]
         first = np.flatnonzero(np.diff(cell, prepend=-1))
         where = cell[first] // steps, cell[first] % steps
-        x, y, p = errors.features[row], errors.error[row], errors.proposal[row]
-        weighted = errors.weight[row, None, None] * x  # [r, 2, F]
+        residual = self._limited(errors)
+        x, p = errors.features[row], errors.proposal[row]
+        y, weight = p + residual[row], np.repeat(errors.weight[row, None], 2, axis=1)
+        # A road user whose features are large must not decide alone what they mean.
+        counted = weight * np.minimum(1.0, _LARGEST_SQUARE / np.maximum((x**2).sum(axis=2), 1e-9))
+        weighted = counted[..., None] * x  # [r, 2, F]
         for sums, values in (
             (self._square, weighted[..., None] * x[..., None, :]),
             (self._product, weighted * y[..., None]),
-            (self._agreed, errors.weight[row, None] * y * p),
-            (self._proposed, errors.weight[row, None] * p * p),
+            (self._agreed, weight * y * p),
+            (self._proposed, weight * p * p),
+            (self._residual, weight * np.abs(residual[row])),
+            (self._weight, weight),
         ):
             sums[where[0], :, where[1]] += np.add.reduceat(values, first, axis=0)
+
+    def _limited(self, errors: PathErrors) -> Float64Array:
+        """Return [m, 2] what remains of the errors beside the proposals, limited (m)."""
+        residual = errors.error - errors.proposal
+        cell = errors.kind, slice(None), errors.step
+        known = self._weight[cell] > _SCALE_AFTER_S
+        mean = self._residual[cell] / np.maximum(self._weight[cell], _SCALE_AFTER_S)
+        most = np.where(known, _LARGEST_RESIDUAL * mean, np.inf)
+        return np.clip(residual, -most, most)

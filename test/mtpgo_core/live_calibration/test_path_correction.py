@@ -219,6 +219,72 @@ def test_one_impossible_error_counts_as_three_standard_deviations():
     assert found[1] < 2.0 * found[0] + 0.5
 
 
+class NoisyRoad(Road):
+    """Thirty cars as a tracker reports them, whose noise lasts, the last one erratically.
+
+    The model is constant velocity, so what can be learned is how much of a velocity is noise.
+
+    Attributes:
+        erratic: the velocity of the last car is never right.
+        errors: of the other cars, [29, H] by prediction, as served and as shipped (m).
+    """
+
+    cars, noise_s = 30, 2.0
+
+    def __init__(self, erratic):
+        super().__init__(drift_mps=0.0)
+        self.erratic, self.errors = erratic, []
+        self.random = np.random.default_rng(2)
+        self.noise = self.random.normal(size=(self.cars, 4))
+
+    def drive(self, seconds):
+        kept = np.exp(-0.4 / self.noise_s)
+        for _ in range(round(seconds / 0.4)):
+            time_s = 0.4 * self.step
+            fresh = self.random.normal(size=self.noise.shape)
+            self.noise = kept * self.noise + np.sqrt(1.0 - kept**2) * fresh
+            truth = np.stack([20.0 * np.arange(self.cars) + 10.0 * time_s, np.zeros(self.cars)], 1)
+            velocity = np.array([10.0, 0.0]) + 0.5 * self.noise[:, 2:]
+            if self.erratic:
+                velocity[-1] += 12.0 * np.array([np.cos(time_s), np.sin(time_s)])
+            states = tracked_states(
+                10**18 + round(time_s * 1e9),
+                "map",
+                keys_from_integers(range(self.cars)),
+                truth + 0.2 * self.noise[:, :2],
+                velocity=velocity,
+                agent_class=np.full(self.cars, AgentClass.CAR, dtype=np.uint8),
+            )
+            self.live.observe(self.history, self.history.update(states))
+            window = self.history.window()
+            cv = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2, modes=2)
+            covariance = (0.1 + AHEAD_S**2)[:, None, None] * np.eye(2)
+            shipped = dataclasses.replace(
+                cv,
+                covariance=np.broadcast_to(covariance, cv.covariance.shape).copy(),
+                weight=np.tile([0.7, 0.3], (self.cars, 1)),
+                source=np.full(self.cars, Source.MODEL, dtype=np.uint8),
+            )
+            served = self.live.serve(shipped, window)
+            ends = truth[:, None] + np.stack([10.0 * AHEAD_S, 0.0 * AHEAD_S], axis=1)
+            paths = [one.mean[:, 0, :, :2] - ends for one in (served, shipped)]
+            self.errors.append(np.linalg.norm(paths, axis=-1)[:, :-1].mean(axis=-1))
+            self.step += 1
+
+
+def test_one_erratic_car_of_thirty_does_not_make_the_paths_of_the_others_worse():
+    calm, odd = NoisyRoad(erratic=False), NoisyRoad(erratic=True)
+    for road in (calm, odd):
+        road.drive(60.0)
+        served, shipped = np.array(road.errors).transpose(1, 0, 2)  # [predictions, 29]
+        for first in range(0, 150, 25):
+            part = slice(first, first + 25)
+            assert served[part].mean() < 1.05 * shipped[part].mean()
+    last = [np.array(road.errors)[75:].mean(axis=(0, 2)) for road in (calm, odd)]
+    assert last[0][0] < 0.75 * last[0][1]
+    assert last[1][0] < 0.85 * last[1][1]
+
+
 def test_empty_scenes_are_no_trouble():
     road = Road()
     window = road.history.window()

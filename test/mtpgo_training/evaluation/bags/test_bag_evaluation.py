@@ -168,7 +168,7 @@ def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_
     assert list(effect) == ["default, shipped", "default, online"]
     shipped, online = effect.values()
     assert shipped == averages["default"]["all"]
-    assert online["ade"] == pytest.approx(shipped["ade"])
+    assert online["ade"] == pytest.approx(shipped["ade"], rel=1e-3)  # paths as well, a little
     assert online["anll"] != shipped["anll"]
     assert online["n"] == shipped["n"] > 100
 
