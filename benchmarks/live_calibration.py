@@ -36,6 +36,7 @@ from mtpgo_training.commands.arguments.data_arguments import (
 from mtpgo_training.data.data_sources import read_sources
 from mtpgo_training.evaluation.calibration_bars import (
     AFTER_S,
+    CONSTANT,
     LEAST_AGENTS,
     SiteCalibration,
     measure_calibration,
@@ -105,6 +106,7 @@ def site_row(name: str, seen: int, found: SiteCalibration) -> Row:
         for mean in (found.nll, found.ade, found.min_ade)
         for calibration in (SHIPPED, ONLINE)
     ]
+    means.append(f"{found.ade(CONSTANT):.2f}")
     if found.agents < LEAST_AGENTS:
         verdict = "too few"
     else:
@@ -139,7 +141,7 @@ def measure_sites(args: argparse.Namespace) -> None:
             print(f"{name}: {time.monotonic() - start_s:.0f} s", file=sys.stderr, flush=True)
     heads = ["site, observations", "road users", "predictions (5 s)", "90 % shipped", "online"]
     heads += ["50 % shipped", "online", "NLL shipped", "online", "ADE shipped", "online"]
-    heads += ["minADE shipped", "online", "trained on", "bars"]
+    heads += ["minADE shipped", "online", "CV: ADE", "trained on", "bars"]
     print(to_text(Table(heads, rows)))
     print("\n".join(["", *misses]) if misses else "\nAll bars are met.")
 

@@ -21,7 +21,12 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, PathFit
+from mtpgo_core.live_calibration.path_equations import (
+    PathEquations,
+    PathErrors,
+    PathFit,
+    joined,
+)
 from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
 from mtpgo_core.prediction.constant_velocity import motion_yaw
 from mtpgo_core.prediction.forward_motion import without_reversing
@@ -186,11 +191,15 @@ class PathCorrection:
         """
         self._follow(history, outcomes.now_ns - round(1e9 * longest_wait_s))
         self.equations.pass_time(seconds)
-        known = outcomes.select(np.flatnonzero(outcomes.known))
-        for stamp_ns in np.unique(known.stamp_ns).tolist():
-            followed = self._followed.get(stamp_ns)
-            if followed is not None:
-                self.equations.add(_errors(followed, known.select(known.stamp_ns == stamp_ns)))
+        known = np.flatnonzero(outcomes.known)
+        stamps, which = np.unique(outcomes.stamp_ns[known], return_inverse=True)
+        errors = [
+            _errors(followed, outcomes, known[which == place])
+            for place, stamp_ns in enumerate(stamps.tolist())
+            if (followed := self._followed.get(stamp_ns)) is not None
+        ]
+        if errors:
+            self.equations.add(joined(errors))
 
     def _follow(self, history: TrackHistory, oldest_ns: int) -> None:
         """Find the tracks of the predictions that came since the last observation."""
@@ -211,13 +220,13 @@ class PathCorrection:
             del self._followed[stamp_ns]
 
 
-def _errors(followed: _Followed, outcomes: Outcomes) -> PathErrors:
-    """Return the errors of the paths of one prediction."""
-    paths = followed.paths
-    place = np.searchsorted(followed.number, outcomes.track)
-    found = followed.number[np.minimum(place, len(followed.number) - 1)] == outcomes.track
-    row, step = followed.row[place[found]], outcomes.step[found]
-    offset = outcomes.truth[found] - paths.mean[row, step]
+def _errors(followed: _Followed, outcomes: Outcomes, rows: IndexArray) -> PathErrors:
+    """Return the errors of the paths of one prediction, by those rows of the outcomes."""
+    paths, track = followed.paths, outcomes.track[rows]
+    place = np.minimum(np.searchsorted(followed.number, track), len(followed.number) - 1)
+    found = followed.number[place] == track
+    row, step = followed.row[place[found]], outcomes.step[rows[found]]
+    offset = outcomes.truth[rows[found]] - paths.mean[row, step]
     error = rotate(offset, -paths.features.course[row])
     most = _LARGEST_ERROR * paths.features.sigma[row, step]
     return PathErrors(

@@ -12,7 +12,8 @@ influence. What would have been proposed earlier says how much of it is believed
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -66,6 +67,16 @@ class PathErrors:
     features: Float64Array
     error: Float64Array
     proposal: Float64Array
+
+
+def joined(parts: Sequence[PathErrors]) -> PathErrors:
+    """Return the errors of all parts, at least one."""
+    return PathErrors(
+        **{
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(PathErrors)
+        }
+    )
 
 
 @dataclass(frozen=True)

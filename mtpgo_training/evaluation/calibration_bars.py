@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED, LiveOptions
+from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.quality.metrics import TIMES_S, ade, anll, is_inside, min_ade, nees
@@ -31,6 +32,9 @@ from mtpgo_training.evaluation.scorer import GroundTruth, Scorer
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.tracker.simulated_tracker import draw_tracker
 from mtpgo_training.scenes.windows import frames_every
+
+CONSTANT = "constant velocity"
+"""Beside the names of both calibrations, that of the predictions that need no model."""
 
 AFTER_S = 60.0
 """Time in which the factors are learned before anything counts (s); chosen with the bars."""
@@ -70,7 +74,7 @@ class SiteCalibration:
     _means: dict[tuple[str, str], tuple[float, int]] = field(default_factory=dict)
 
     def add(self, calibration: str, prediction: Prediction, truth: GroundTruth) -> None:
-        """Add predictions with one of the calibrations."""
+        """Add predictions with one of the calibrations, or at constant velocity."""
         mean, weight = prediction.mean[..., :2], prediction.weight
         rows = (mean, weight, prediction.covariance, truth.position)
         apart_s = np.abs(prediction.time_s[:, None] - np.array(TIMES_S))  # [H, times]
@@ -179,8 +183,11 @@ def measure_calibration(
             truth = scorer.ground_truth(shipped.key, stamp_ns, horizon, history.dt_s)
             rows = is_moving(group) & truth.mask.any(axis=1)
             seen.update(truth.agents.track[rows].tolist())
-            for calibration, prediction in ((SHIPPED, shipped), (ONLINE, online)):
-                result.add(calibration, select(prediction, rows), truth.select(rows))
+            constant = predict_constant_velocity(
+                window.select(own), horizon_steps=horizon, dt_s=history.dt_s
+            )
+            for name, one in ((SHIPPED, shipped), (ONLINE, online), (CONSTANT, constant)):
+                result.add(name, select(one, rows), truth.select(rows))
         past_s += recording.duration_s
         result.agents += len(seen)
     return result
