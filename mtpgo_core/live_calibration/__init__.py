@@ -1,3 +1,3 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""Online calibration: corrects the covariances by the outcomes of earlier predictions."""
+"""Online calibration: corrects covariances and paths by the outcomes of earlier predictions."""
