@@ -102,11 +102,11 @@ def site_row(name: str, seen: int, found: SiteCalibration) -> Row:
         for calibration in (SHIPPED, ONLINE)
     ]
     means = [
-        f"{mean(calibration):.2f}"
+        f"{mean(calibration):.3f}"
         for mean in (found.nll, found.ade, found.min_ade)
         for calibration in (SHIPPED, ONLINE)
     ]
-    means.append(f"{found.ade(CONSTANT):.2f}")
+    means.append(f"{found.ade(CONSTANT):.3f}")
     if found.agents < LEAST_AGENTS:
         verdict = "too few"
     else:

@@ -84,8 +84,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--init-from",
         type=Path,
         metavar="DIR",
-        help="another cross-validation with the same folds: each training begins with the weights "
-        "of its fold there",
+        help="another cross-validation: each training begins with the weights of its fold there, "
+        "or of one that left out all of its sites, and others",
     )
     add(
         "--set",

@@ -82,29 +82,37 @@ class CrossvalFolder:
         return FoldFolder(self.path / "folds" / re.sub(r"[^\w.-]+", "_", name))
 
     def runs(self, folds: Sequence[Fold], recordings: Sequence[NamedRecording]) -> dict[str, Path]:
-        """Return the run folders of folds that left out the same recordings, by fold.
+        """Return the run folders of trainings that left out the same recordings, by fold.
+
+        That is the fold of the same name or, where there is none, the first one that left out all
+        of its recordings, and others.
 
         Args:
             folds: of another cross-validation, whose trainings shall begin with these weights.
             recordings: all of that other one.
 
         Raises:
-            ConfigurationError: a fold is not here, is not trained, or it or a training that it
-                began with has seen a recording that is to be left out, under whatever name.
+            ConfigurationError: there is no such fold here, it is not trained, or it or a training
+                that it began with has seen a recording that is to be left out, under whatever
+                name.
         """
         facts = self._stored_facts() if self.holds_one else {"folds": {}, "sites": {}}
+        left_out_by = {
+            name: {one for site in sites for one in facts["sites"][site]}
+            for name, sites in facts["folds"].items()
+        }
         found = {}
         for fold in folds:
-            files = self.fold(fold.name)
-            if fold.name not in facts["folds"] or not files.training.is_file():
+            names = [name for name, left in left_out_by.items() if fold.recordings <= left]
+            name = fold.name if fold.name in left_out_by or not names else names[0]
+            files = self.fold(name)
+            if name not in left_out_by or not files.training.is_file():
                 raise ConfigurationError(
-                    f"--init-from is {self.path}, which has no trained fold {fold.name!r}, "
-                    "expected a cross-validation with it; it has "
-                    f"{', '.join(facts['folds']) or 'none'}"
+                    f"--init-from is {self.path}, which has no trained fold {name!r}, "
+                    "expected a cross-validation with it or with one that leaves out all of it; "
+                    f"it has {', '.join(left_out_by) or 'none'}"
                 )
-            left_out = {
-                name for site in facts["folds"][fold.name] for name in facts["sites"][site]
-            }
+            left_out = left_out_by[name]
             known = (set(fold.recordings) - left_out) & set(facts["recordings"])
             training = {"recordings": load_checkpoint(files.run)["splits"]}
             known |= {
@@ -115,7 +123,7 @@ class CrossvalFolder:
             }
             if known:
                 raise ConfigurationError(
-                    f"--init-from is {self.path}, whose fold {fold.name!r} was trained with "
+                    f"--init-from is {self.path}, whose fold {name!r} was trained with "
                     f"{min(known)}, expected one that leaves out what is left out now"
                 )
             found[fold.name] = files.run

@@ -204,8 +204,10 @@ def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
         found[calibration] = result["by_recording"]["default"]["all"]["01"]
         reliability[calibration] = result["reliability"]["default"]["all"]["observed"]
     assert (content["calibration"], content["prefer"]) == ("shipped", "model")
-    for scores in found.values():
-        assert scores["ade"] == pytest.approx(found["shipped"]["ade"])
+    shipped = found["shipped"]["ade"]
+    assert found["off"]["ade"] == pytest.approx(shipped)
+    assert found["online"]["ade"] != shipped  # paths are corrected, too
+    assert found["online"]["ade"] == pytest.approx(shipped, rel=0.01)
     assert len({scores["anll"] for scores in found.values()}) == 3
     assert reliability["off"] != reliability["online"]
 
