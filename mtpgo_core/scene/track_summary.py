@@ -66,7 +66,7 @@ def track_summary(window: HistoryWindow) -> Float64Array:
     position_std, position_enough = _noise_std(position, position_known, POSITION_ORDER)
     known = (velocity_enough & position_enough)[:, None]
     levels = _level(np.concatenate([velocity_std, position_std], axis=1))
-    changes = _changes(velocity, velocity_known).reshape(len(window), -1)
+    changes = _changes(velocity, velocity_known).reshape(len(window), 2 * len(CHANGE_STEPS))
     return np.concatenate([np.where(known, levels, 0.0), known, changes], axis=1)
 
 

@@ -12,8 +12,10 @@ from mtpgo_core.scene.track_summary import (
     SMALLEST_STD,
     rescaled_noise,
     track_summary,
+    velocity_changes,
 )
 from mtpgo_core.task.task_description import (
+    CHANGE_STEPS,
     CHANGES_ALONG,
     NOISE_FEATURES,
     TRACK_FEATURES,
@@ -178,3 +180,17 @@ def test_the_wildest_track_that_a_history_holds_has_finite_features():
     features = track_summary(window_of(position, velocity, np.zeros((1, T))))
     assert np.isfinite(features).all()
     assert np.abs(features).max() == 3.0
+
+
+def test_nobody_has_no_summary():
+    nobody = drive(agents=1).select(np.empty(0, dtype=np.intp))
+    assert track_summary(nobody).shape == (0, len(TRACK_FEATURES))
+    assert velocity_changes(nobody).shape == (0, 2, len(CHANGE_STEPS))
+
+
+def test_changes_of_velocity_are_the_last_features_of_the_summary():
+    window = drive(agents=3, angle=1.0, velocity_std=(0.3, 0.2))
+    found = velocity_changes(window)
+    np.testing.assert_array_equal(
+        found.reshape(3, -1), track_summary(window)[:, -2 * len(CHANGE_STEPS) :]
+    )
