@@ -48,6 +48,9 @@ _LARGEST_ERROR = 3.0
 """An error counts as at most so many standard deviations of the heaviest mode, as the model's file
 states them; chosen: an identity that went over to another road user must not count like fifty."""
 
+_WAITING = 8
+"""Most predictions that wait for the next observation; chosen as for the matcher of outcomes."""
+
 _LARGEST_SHIFT = 1.0
 """No path is moved by more standard deviations of its heaviest mode; chosen: the correction says
 what is likely within what the model thought possible."""
@@ -109,7 +112,7 @@ class PathCorrection:
 
     def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
         self.equations = PathEquations(options, dt_s, steps)
-        self._waiting: deque[ServedPaths] = deque()
+        self._waiting: deque[ServedPaths] = deque(maxlen=_WAITING)
         self._followed: dict[int, _Followed] = {}
         self._lock = threading.Lock()
 

@@ -37,6 +37,9 @@ _NEAR_MPS = 3.0
 _SPEED_MPS = 10.0
 """Speed that counts as 1 (m/s); chosen with the same aim."""
 
+_LARGEST_VALUE = 100.0
+"""Largest feature; chosen: beyond what moves, and what a tracker's slip cannot exceed."""
+
 _ALONG = 0
 _BY_SAMPLE = ("position", "velocity", "acceleration", "yaw", "valid")
 
@@ -92,6 +95,7 @@ def path_features(prediction: Prediction, window: HistoryWindow, row: IndexArray
     values[:, _ALONG, _LEADERS] = _leaders(window, row)
     values[:, _ALONG, _SPEED] = speed / _SPEED_MPS
     values[:, _ALONG, _CONSTANT] = 1.0
+    values = np.clip(np.nan_to_num(values), -_LARGEST_VALUE, _LARGEST_VALUE)
     along, _, across = along_and_across(prediction.covariance[:, 0], course[:, None])
     return PathFeatures(
         course=course,
@@ -110,6 +114,7 @@ def _leaders(window: HistoryWindow, row: IndexArray) -> Float64Array:
     found = leader_features(now, row)[:, -1].reshape(len(row), LEADERS, len(COLUMNS))
     near = found[..., COLUMNS.index("near")]
     parts = [_NEAR_MPS * near]
-    # 0 where the velocity of one of both was never known, as in the network's input.
-    parts += [near * np.nan_to_num(found[..., COLUMNS.index(name)]) for name in ("dv", "ax")]
+    # NaN where the velocity of one of both was never known, which becomes 0 as in the network's
+    # input.
+    parts += [near * found[..., COLUMNS.index(name)] for name in ("dv", "ax")]
     return np.stack(parts, axis=-1).reshape(len(row), len(parts) * LEADERS)

@@ -146,6 +146,14 @@ def test_corrections_fade_in_between_standing_and_moving(speed, share):
     assert features_of(slow).share == pytest.approx(share)
 
 
+def test_a_slip_of_the_tracker_is_bounded():
+    window = observed()
+    acceleration = window.acceleration.copy()
+    acceleration[1], acceleration[2] = 1e6, np.inf
+    found = features_of(dataclasses.replace(window, acceleration=acceleration)).values
+    assert np.abs(found).max() == 100.0
+
+
 def test_nobody_has_no_features():
     window = observed().select(np.empty(0, dtype=np.intp))
     prediction = predict_constant_velocity(window, horizon_steps=25, dt_s=0.2, modes=2)
