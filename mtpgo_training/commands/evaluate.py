@@ -363,6 +363,7 @@ def _settings(args: argparse.Namespace) -> Settings:
         kde_samples=args.kde_samples,
         path_smoothing_s=args.path_smoothing,
         unknown_classes=args.unknown_classes,
+        online_effect=not (args.calibration or args.prefer or args.one_sample),
     )
 
 

@@ -27,12 +27,13 @@ def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> 
         recordings: each starts with the shipped calibration.
 
     Returns:
-        By calibration, the shares of truths in the heaviest mode's ellipses and the NLL (nats).
+        By calibration, the values of
+        :data:`~mtpgo_training.reports.honesty.live_scores.EFFECT_TITLES`.
     """
-    found = {}
-    for calibration in (SHIPPED, ONLINE):
-        settings = Settings(stride_s=_STRIDE_S, centre=False, calibration=calibration)
-        named = [(recording.name, recording) for recording in recordings]
-        averages = evaluate_all({"model": runner}, named, settings).scores.averages()
-        found[calibration] = {key: averages["model"]["all"].get(key) for key in EFFECT_TITLES}
-    return found
+    settings = Settings(stride_s=_STRIDE_S, centre=False, online_effect=True)
+    named = [(recording.name, recording) for recording in recordings]
+    evaluation = evaluate_all({"model": runner}, named, settings)
+    return {
+        calibration: {key: table.averages()["model"]["all"].get(key) for key in EFFECT_TITLES}
+        for calibration, table in ((SHIPPED, evaluation.scores), (ONLINE, evaluation.online))
+    }

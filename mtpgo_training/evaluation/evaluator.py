@@ -80,6 +80,8 @@ class Settings:
             none.
         unknown_classes: every road user is observed as one of an unknown class. The truth keeps
             its class, by which the scores are broken down.
+        online_effect: also score what the online calibration makes of the same predictions
+            (protocol ``all``).
     """
 
     policy: str | None = None
@@ -95,6 +97,7 @@ class Settings:
     kde_samples: int = 0
     path_smoothing_s: float = 0.0
     unknown_classes: bool = False
+    online_effect: bool = False
 
     @property
     def live(self) -> LiveOptions:
@@ -110,6 +113,8 @@ class Evaluation:
         scores: of models and baselines.
         honesty: of models and baselines.
         recordings: name in the scores -> SHA-256 of its sources.
+        online: scores of the models with the online calibration beside that of their files; each
+            recording starts with the latter.
         scenes: the best and worst scenes of those models for which an entry was made before.
         rounded: name in the scores -> time between two scored instants (s), of the recordings
             whose frames do not have the stride that was asked for.
@@ -120,6 +125,7 @@ class Evaluation:
     scores: ScoreTable = field(default_factory=ScoreTable)
     recordings: dict[str, str] = field(default_factory=dict)
     honesty: HonestyTable = field(default_factory=HonestyTable)
+    online: ScoreTable = field(default_factory=ScoreTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
     rounded: dict[str, float] = field(default_factory=dict)
     laneless: dict[str, list[str]] = field(default_factory=dict)
@@ -160,6 +166,11 @@ class Evaluation:
         if scenes is not None:
             scenes.update(scorer, prediction, found, reference.cv_ade)
         return found
+
+    def add_online(self, model: str, scorer: Scorer, prediction: Prediction) -> None:
+        """Score a prediction of the protocol ``all`` with the online calibration."""
+        found = scorer.score(prediction)
+        self.online.add(model, "all", found.scores, found.truth.agents)
 
     def _add_honesty(
         self,
@@ -225,6 +236,7 @@ class Evaluation:
         """Add the results on other recordings."""
         self.scores.merge(other.scores)
         self.honesty.merge(other.honesty)
+        self.online.merge(other.online)
         self.recordings.update(other.recordings)
         self.rounded.update(other.rounded)
         for model, names in other.laneless.items():
@@ -336,9 +348,15 @@ def evaluate_recording(
             key: LiveCalibration(settings.live, history, runners[key[0]].task.horizon_steps)
             for key in predictors
         }
+        online = {
+            model: LiveCalibration(LiveOptions(), history, runners[model].task.horizon_steps)
+            for model in group
+            if settings.online_effect
+        }
 
         def learn(history: TrackHistory, report: UpdateReport) -> None:
-            for calibration in live.values():  # noqa: B023  called before the next group
+            # Called before the next group.
+            for calibration in (*live.values(), *online.values()):  # noqa: B023
                 calibration.observe(history, report)
 
         for window, protocols in _windows(recording, observed, history, settings, tick, learn):
@@ -348,10 +366,12 @@ def evaluate_recording(
                     continue
                 prediction = predictor.predict(window)
                 prediction = live[model, protocol].serve(prediction, window)
-                if len(prediction):
-                    result.add(
-                        model, protocol, scorer, prediction, window, baselines=model == first
-                    )
+                if not len(prediction):
+                    continue
+                result.add(model, protocol, scorer, prediction, window, baselines=model == first)
+                if protocol == "all" and model in online:
+                    served = online[model].serve(prediction, window)
+                    result.add_online(model, scorer, served)
     result.honesty.finish()
 
 

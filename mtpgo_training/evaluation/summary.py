@@ -12,7 +12,7 @@ from mtpgo_core.live_calibration.live_options import ONLINE, SHIPPED
 from mtpgo_core.options import listed
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.evaluation.bags.bag_evaluation import PROTOCOL, BagResult
-from mtpgo_training.evaluation.evaluator import Settings
+from mtpgo_training.evaluation.evaluator import Evaluation, Settings
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
 from mtpgo_training.evaluation.honesty.simple_comparison import compare_with_simple
 from mtpgo_training.evaluation.scores.bootstrap import over_groups, seed_groups
@@ -72,7 +72,7 @@ def summarise(
         },
         "live": result.live,
         "published": result.published,
-        "calibration_effect": effect_of_bags(result, averages),
+        "calibration_effect": effect_of_calibration(evaluation, averages),
         "recordings": evaluation.recordings,
         "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
@@ -122,15 +122,15 @@ def _lane_warnings(laneless: Mapping[str, Sequence[str]]) -> list[str]:
     ]
 
 
-def effect_of_bags(result: BagResult, averages: Averages) -> Json:
+def effect_of_calibration(evaluation: Evaluation, averages: Averages) -> Json:
     """Return the averages of each model with both calibrations, empty without the online one.
 
     Args:
-        result: of bags.
-        averages: of its evaluation.
+        evaluation: of recordings, or of models at the instants of bags.
+        averages: of its scores.
     """
     return {
         f"{model}, {calibration}": found[PROTOCOL]
-        for model, online in result.online.averages().items()
+        for model, online in evaluation.online.averages().items()
         for calibration, found in ((SHIPPED, averages[model]), (ONLINE, online))
     }

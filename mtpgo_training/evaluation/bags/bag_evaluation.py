@@ -33,7 +33,6 @@ from mtpgo_training.evaluation.bags.replayed_quality import quality_rows, replay
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.extreme_scenes import ExtremeScenes
 from mtpgo_training.evaluation.scorer import Scorer
-from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.parallel.work_item import Failure
 from mtpgo_training.scenes.history_replay import replay
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
@@ -59,9 +58,7 @@ class BagResult:
         live: by bag that holds observations, the scores that the node had at its end, see
             :func:`~mtpgo_training.evaluation.bags.replayed_quality.quality_rows`.
         published: by bag, number of predictions of road users by calibration: ``none``,
-            ``shipped`` or ``online``.
-        online: scores of the models with the online calibration at the instants of bags that were
-            published with it; each recording starts with the shipped one.
+            ``shipped``, ``online`` or ``online_path``.
         failures: files that could not be read or scored.
     """
 
@@ -70,7 +67,6 @@ class BagResult:
     warnings: list[str] = field(default_factory=list)
     live: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
     published: dict[str, dict[str, int]] = field(default_factory=dict)
-    online: ScoreTable = field(default_factory=ScoreTable)
     failures: list[Failure] = field(default_factory=list)
 
 
@@ -328,5 +324,4 @@ class _RecordingEvaluation:
                     continue
                 result.evaluation.add(model, PROTOCOL, scorer, own)
                 if with_online:
-                    found = scorer.score(online)
-                    result.online.add(model, PROTOCOL, found.scores, found.truth.agents)
+                    result.evaluation.add_online(model, scorer, online)

@@ -16,6 +16,8 @@ from mtpgo_training.table_format import Row, Table
 Json = dict[str, Any]
 
 EFFECT_TITLES = {
+    "ade": "ADE m",
+    "min_ade": "minADE m",
     "coverage_50": "in 50 %",
     "coverage_90": "in 90 %",
     **{MOVING_COVERAGE_KEY.format(t): f"moving, {t} s" for t in TIMES_S},
@@ -39,9 +41,10 @@ _LIVE_TEXT = (
     "made."
 )
 _EFFECT_TEXT = (
-    "Share of truths in the heaviest mode's ellipses of 50 and 90 %, of moving road users in that "
-    "of 90 % at 1, 3 and 5 s, and the negative log-likelihood, on the same recordings at the same "
-    "instants. Online: corrected by the outcomes of earlier predictions."
+    "Errors of the heaviest and of the best mode, share of truths in the heaviest mode's ellipses "
+    "of 50 and 90 %, of moving road users in that of 90 % at 1, 3 and 5 s, and the negative "
+    "log-likelihood, on the same recordings at the same instants. Online: corrected by the "
+    "outcomes of earlier predictions."
 )
 
 

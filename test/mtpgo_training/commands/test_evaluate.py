@@ -75,6 +75,10 @@ def test_the_json_has_the_documented_content(content):
     assert honesty["by_motion"]["moving"]["ellipse_90"][2] == pytest.approx(headline)
     assert honesty["all"]["consistency"]["cycle_s"] == pytest.approx(1.0)
     assert set(content["groups"]) == {"default"}
+    effect = content["calibration_effect"]
+    assert effect["default, shipped"] == content["models"]["default"]["all"]
+    assert effect["default, online"]["n"] == effect["default, shipped"]["n"]
+    assert effect["default, online"]["anll"] != effect["default, shipped"]["anll"]
 
 
 @pytest.mark.parametrize(("stride", "taken"), [("1.55", "1.6 s (01 and 1 more)"), ("1.6", "")])
@@ -203,6 +207,7 @@ def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
         assert (result["calibration"], result["prefer"]) == (calibration, "model")
         found[calibration] = result["by_recording"]["default"]["all"]["01"]
         reliability[calibration] = result["reliability"]["default"]["all"]["observed"]
+        assert result["calibration_effect"] == {}
     assert (content["calibration"], content["prefer"]) == ("shipped", "model")
     shipped = found["shipped"]["ade"]
     assert found["off"]["ade"] == pytest.approx(shipped)

@@ -15,7 +15,9 @@ def test_both_calibrations_are_compared_on_the_same_predictions():
     runner = ModelRunner.load(find_model("default"))
     effect = calibration_effect(runner, [braking_cars("01", tracks=4, seconds=8.0)])
     assert list(effect) == ["shipped", "online"]
-    assert effect["shipped"]["anll"] != effect["online"]["anll"]
+    for key in ("ade", "anll"):
+        assert effect["shipped"][key] != effect["online"][key]
     text = to_text(calibration_effect_table(effect))
     assert "moving, 5 s" in text
+    assert "ADE m" in text
     assert len(text.splitlines()) == 3

@@ -160,6 +160,9 @@ def test_results_on_other_recordings_are_merged():
     two.merge(one)
     assert two.recordings == {"02": "b", "01": "a"}
     assert two.scores.averages() == one.scores.averages()
+    assert two.online.averages() == {}
+    two.merge(Evaluation(online=filled()))
+    assert two.online.averages() == one.scores.averages()
 
 
 def test_models_are_called_as_in_their_files_or_as_the_files_where_names_repeat(tmp_path):

@@ -22,7 +22,7 @@ from mtpgo_training.cli import main
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
 from mtpgo_training.evaluation.honesty.honesty_summary import honesty_summary
-from mtpgo_training.evaluation.summary import effect_of_bags
+from mtpgo_training.evaluation.summary import effect_of_calibration
 
 
 def scores(result, name):
@@ -128,7 +128,7 @@ def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_b
     assert max(agreement.differences_m) < 1e-3
     assert "road user" in agreement.text("online", "default")
     assert list(result.published["online"]) == ["shipped"]
-    assert effect_of_bags(result, result.evaluation.scores.averages()) == {}
+    assert effect_of_calibration(result.evaluation, result.evaluation.scores.averages()) == {}
     # The baselines are scored once.
     assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
 
@@ -164,7 +164,7 @@ def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_
     result = evaluate_bags([corrected], observed_recordings([corrected]), {"default": runner})
     assert list(result.published["corrected"]) == ["online"]
     averages = result.evaluation.scores.averages()
-    effect = effect_of_bags(result, averages)
+    effect = effect_of_calibration(result.evaluation, averages)
     assert list(effect) == ["default, shipped", "default, online"]
     shipped, online = effect.values()
     assert shipped == averages["default"]["all"]

@@ -28,13 +28,14 @@ def test_the_longest_window_is_shown():
 
 
 def test_the_report_has_the_scores_of_each_bag_and_what_the_calibration_changed():
-    effect = {"m, shipped": {"coverage_90": 0.7}, "m, online": {"coverage_90": 0.9}}
+    effect = {"m, shipped": {"coverage_90": 0.7}, "m, online": {"ade": 1.5, "coverage_90": 0.9}}
     content = {"live": {"bag": [row(1800)]}, "calibration_effect": effect}
     tables = live_tables(content)
     assert [table.heading for table in tables] == [
         "Live scores: bag",
         "What the online calibration changes",
     ]
-    assert to_text(tables[1]).splitlines()[2].split()[:4] == ["m,", "online", "-", "0.90"]
+    online = to_text(tables[1]).splitlines()[2].split()
+    assert online[:6] == ["m,", "online", "1.50", "-", "-", "0.90"]
     assert live_tables({}) == []
     assert calibration_effect_table({"m, shipped": {}}) is None
