@@ -73,8 +73,8 @@ def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:
     """Draw the learning curves of runs into one PNG.
 
     The x axis is wall-clock time (min), the y axis the error on the validation recordings (m). The
-    kinematic baselines are those of the first run. A dot marks the first epoch that is trained on
-    the likelihood alone.
+    kinematic baselines of runs with the same validation recordings are drawn once, in grey. A dot
+    marks the first epoch that is trained on the likelihood alone.
 
     Raises:
         ConfigurationError: see :func:`read_log`.
@@ -92,10 +92,7 @@ def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:
         ades = [float(row["all_ade"]) for row in rows]
         highest = max(highest, min(filter(math.isfinite, ades), default=0.0))
         _mark_likelihood(axes, rows, minutes, colour)
-    first = logs[0][1][0]
-    for column, label, style in BASELINE_LINES:
-        highest = max(highest, float(first[column]))
-        axes.axhline(float(first[column]), linestyle=style, color="0.4", label=label)
+    highest = max(highest, _draw_baselines(axes, logs))
     axes.set(xlabel="training (min)", ylabel="validation, all agents (m)")
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 1.1 * highest)
@@ -103,6 +100,19 @@ def draw_learning_curves(folders: Sequence[Path], path: Path) -> None:
     axes.legend(fontsize="small", ncols=2)
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=130)
+
+
+def _draw_baselines(axes: Any, logs: Sequence[tuple[str, list[dict[str, str]]]]) -> float:
+    """Draw the baselines of all runs, and return the largest error (m)."""
+    columns = [column for column, _, _ in BASELINE_LINES]
+    errors = [tuple(float(rows[0][column]) for column in columns) for _, rows in logs]
+    common = len(set(errors)) == 1
+    for i, (name, _) in enumerate(logs[:1] if common else logs):
+        colour = "0.4" if common else MODEL_COLOURS[i % len(MODEL_COLOURS)]
+        for error_m, (_, label, style) in zip(errors[i], BASELINE_LINES, strict=True):
+            told = label if common else f"{name}: {label}"
+            axes.axhline(error_m, linestyle=style, color=colour, label=told)
+    return max(map(max, errors))
 
 
 def _mark_likelihood(

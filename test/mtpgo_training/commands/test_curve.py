@@ -62,6 +62,36 @@ def test_a_run_of_one_epoch_has_points_inside_the_axes(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("cv_m", "labels"),
+    [
+        (1.0, ["constant velocity", "constant acceleration"]),
+        (
+            3.0,
+            [
+                f"{run}: constant {what}"
+                for run in ("one", "two")
+                for what in ("velocity", "acceleration")
+            ],
+        ),
+    ],
+)
+def test_baselines_of_other_validation_recordings_are_drawn_for_each_run(
+    tmp_path, monkeypatch, cv_m, labels
+):
+    RunFolder(tmp_path / "one").write_log([scored(1, 0.8)])
+    RunFolder(tmp_path / "two").write_log([scored(1, 0.9) | {"cv_all_ade": cv_m}])
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    with contextlib.suppress(FileNotFoundError):
+        draw_learning_curves([tmp_path / "one", tmp_path / "two"], tmp_path / "c.png")
+    (axes,) = drawn[0].axes
+    found = [line for line in axes.get_lines() if "constant" in line.get_label()]
+    assert [line.get_label() for line in found] == labels
+    assert found[-2].get_ydata()[0] == cv_m
+    assert axes.get_ylim()[1] > cv_m
+
+
+@pytest.mark.parametrize(
     ("rows", "sentence"),
     [
         ([row(1)], "has no epoch with the column all_ade"),
