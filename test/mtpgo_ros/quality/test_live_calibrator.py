@@ -28,6 +28,11 @@ def drive(bench, seconds, start_s=0.0):
     return last
 
 
+def sideways_m(prediction):
+    """How far to the left the paths lead in all steps after the first (m)."""
+    return prediction.mean[:, 0, -1, 1] - prediction.mean[:, 0, 0, 1]
+
+
 def test_online_factors_are_served_shown_and_survive_a_restart(bench, tmp_path):
     path = tmp_path / "calibration.json"
     first = bench(calibration_file=str(path), path_smoothing=0.0)
@@ -66,6 +71,34 @@ def test_online_factors_are_served_shown_and_survive_a_restart(bench, tmp_path):
     after = damaged.predict(traffic(0.0, agents=AGENTS))
     assert after.covariance[:, 0, 4, 0, 0] == pytest.approx(SHIPPED_VARIANCE, rel=1e-5)
     damaged.status("calibration", WARN, "is damaged", restored="false")
+
+
+def test_corrected_paths_are_served_shown_and_survive_a_restart(bench, tmp_path):
+    """The model lets all cars drift to the left, which none does."""
+    path = tmp_path / "calibration.json"
+    options = {"path_smoothing": 0.0, "calibration_file": str(path)}
+    first = bench("wrong", **options)
+    fresh = first.predict(traffic(0.0, agents=AGENTS))
+    drift_m = sideways_m(fresh)
+    assert (fresh.calibration == CalibrationStage.ONLINE).all()
+    last = drive(first, 12.0, start_s=0.2)
+    assert (last.calibration == CalibrationStage.ONLINE_PATH).all()
+    assert (sideways_m(last) < 0.75 * drift_m).all()
+    values = first.status("calibration", OK, calibration="online")
+    assert float(values["path_across_vehicle"].split()[0]) > 0.5
+    first.node.trigger_deactivate()
+
+    again = bench("wrong", **options)
+    restored = again.predict(traffic(0.0, agents=AGENTS))
+    assert (sideways_m(restored) < 0.8 * drift_m).all()
+    assert (restored.calibration == CalibrationStage.ONLINE_PATH).all()
+
+    plain = bench("wrong", **options, correct_paths=False)
+    shipped = drive(plain, 4.0)
+    assert sideways_m(shipped) == pytest.approx(drift_m, abs=1e-3)
+    assert (shipped.calibration == CalibrationStage.ONLINE).all()
+    values = plain.status("calibration", OK, restored="true")
+    assert "path_across_vehicle" not in values
 
 
 @pytest.mark.parametrize("calibration", ["shipped", "off"])
