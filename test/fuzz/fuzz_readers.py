@@ -1,6 +1,6 @@
 # Copyright 2026 the mtpgo_ros developers
 # SPDX-License-Identifier: Apache-2.0
-"""The readers of recordings as CSV files, and the files of calibration samples."""
+"""The readers of recordings as CSV files, of calibration samples, and of what a node learned."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ import warnings
 import numpy as np
 from fuzz_target import FuzzTarget, place
 
+from mtpgo_core.live_calibration.calibration_file import restore, save
+from mtpgo_core.live_calibration.live_calibration import LiveCalibration
+from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
-from mtpgo_core.task.task_description import TaskDescription
+from mtpgo_core.task.task_description import HistoryConfig, TaskDescription
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
 from mtpgo_training.data.readers import load_recordings
+
+_WEIGHTS = "ab" * 32
 
 _BETWEEN = b"\n====\n"
 """Separates the files of a recording in an input."""
@@ -95,6 +100,25 @@ def samples_target() -> FuzzTarget:
     return FuzzTarget("calibration_samples", run, seeds)
 
 
+def learned_target() -> FuzzTarget:
+    """Return the target of the files in which the online calibration survives a restart."""
+
+    def run(data: bytes) -> None:
+        path = place("learned") / "calibration.json"
+        path.write_bytes(data)
+        live = LiveCalibration(LiveOptions(), HistoryConfig(), 2)
+        restore(live, _WEIGHTS, path)
+        learned = (live.tracker.log_sigma, *vars(live.paths.equations.fit).values())
+        assert all(np.isfinite(values).all() for values in learned), "a value that is not finite"
+
+    def seeds() -> list[bytes]:
+        path = place("learned") / "seed.json"
+        save(LiveCalibration(LiveOptions(), HistoryConfig(), 2), _WEIGHTS, path)
+        return [path.read_bytes()]
+
+    return FuzzTarget("learned_calibration", run, seeds, text=True)
+
+
 def task_target() -> FuzzTarget:
     """Return the target of the task description, which contains the calibration."""
 
@@ -123,5 +147,6 @@ def targets() -> list[FuzzTarget]:
         csv_target("highd", DRONE, HIGHD),
         csv_target("ngsim", ("trajectories.csv",), NGSIM),
         samples_target(),
+        learned_target(),
         task_target(),
     ]
