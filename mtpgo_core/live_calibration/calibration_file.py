@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -110,16 +109,14 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         sigma = np.array(rows, dtype=np.float64).transpose(0, 2, 1, 3)
         preferred = content["served_by_constant_velocity"]
         unknown = set(preferred) - set(GROUPS)
-        paths = PathFit(*(_of_groups(content["paths"], f.name) for f in fields(PathFit)))
+        read = {name: _of_groups(content["paths"], name) for name in ("coefficients", "belief")}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ConfigurationError(_damaged(path, str(error))) from error
     if sigma.shape != shape:
         raise ConfigurationError(_damaged(path, f"shape {sigma.shape}, expected {shape}"))
     expected = live.paths.equations.fit
-    for name, values, limits in (
-        ("coefficients", paths.coefficients, COEFFICIENT_LIMITS),
-        ("belief", paths.belief, (0.0, 1.0)),
-    ):
+    for name, limits in (("coefficients", COEFFICIENT_LIMITS), ("belief", (0.0, 1.0))):
+        values = read[name]
         if values.shape != getattr(expected, name).shape:
             told = f"{name} of paths with shape {values.shape}"
             raise ConfigurationError(_damaged(path, told))
@@ -133,7 +130,7 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         raise ConfigurationError(_damaged(path, f"unknown group {min(map(repr, unknown))}"))
     live.tracker.log_sigma = np.log(sigma)
     live.preference.constant_velocity = np.array([group in preferred for group in GROUPS])
-    live.paths.equations.begin_with(paths)
+    live.paths.equations.begin_with(PathFit.begun(**read))
     return True
 
 

@@ -21,12 +21,7 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.path_equations import (
-    PathEquations,
-    PathErrors,
-    PathFit,
-    joined,
-)
+from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, joined
 from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
 from mtpgo_core.prediction.constant_velocity import motion_yaw
 from mtpgo_core.prediction.forward_motion import without_reversing
@@ -141,7 +136,9 @@ class PathCorrection:
         some, row = select(prediction, chosen), row[chosen]
         kind, fit = group[chosen].astype(np.intp) // len(MOTIONS), self.equations.fit
         features = path_features(some, window, row)
-        proposal = _proposed(fit, kind, features.values, features.sigma)
+        shares = fit.shares(kind, features.values)
+        most = _LARGEST_SHIFT * features.sigma
+        proposal = np.clip(fit.propose(kind, features.values, shares), -most, most)
         served = ServedPaths(
             stamp_ns=prediction.stamp_ns,
             end_ns=prediction.stamp_ns + round(1e9 * float(prediction.time_s[-1])),
@@ -156,9 +153,8 @@ class PathCorrection:
             return prediction, served
         others = features.values.copy()
         others[..., MIXTURE] = 0.0
-        shift = np.repeat(
-            _proposed(fit, kind, others, features.sigma)[:, None], some.weight.shape[1], axis=1
-        )
+        proposed = np.clip(fit.propose(kind, others, shares), -most, most)
+        shift = np.repeat(proposed[:, None], some.weight.shape[1], axis=1)
         shift[:, 0] = proposal
         shift *= believed[:, None]
         moved = _moved(some, rotate(shift, features.course[:, None, None]))
@@ -240,14 +236,6 @@ def _errors(followed: _Followed, outcomes: Outcomes, rows: IndexArray) -> PathEr
         error=np.clip(error, -most, most),
         proposal=paths.proposal[row, step],
     )
-
-
-def _proposed(
-    fit: PathFit, kind: IndexArray, features: Float64Array, sigma: Float64Array
-) -> Float64Array:
-    """Return [n, H, 2] proposals (m), at most so many standard deviations [n, H, 2] (m)."""
-    most = _LARGEST_SHIFT * sigma
-    return np.clip(fit.propose(kind, features), -most, most)
 
 
 def _moved(prediction: Prediction, shift: Float64Array) -> Prediction:

@@ -62,6 +62,11 @@ class PathFeatures:
     sigma: Float64Array
 
 
+def part_steps(steps: int) -> list[int]:
+    """Return the last step of each of ``PARTS`` of a horizon, from 0."""
+    return [max(0, round(part * steps) - 1) for part in PARTS]
+
+
 def path_features(prediction: Prediction, window: HistoryWindow, row: IndexArray) -> PathFeatures:
     """Return the features of road users that move at t.
 
@@ -84,7 +89,7 @@ def path_features(prediction: Prediction, window: HistoryWindow, row: IndexArray
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     ahead_s = prediction.time_s - (window.stamp_ns - prediction.stamp_ns) * 1e-9
     uniform = prediction.initial[:, None, :2] + velocity[:, None] * prediction.time_s[:, None]
-    steps = [max(0, round(part * len(ahead_s)) - 1) for part in PARTS]
+    steps = part_steps(len(ahead_s))
     mean, ahead_s = prediction.mean[:, :, steps, :2], ahead_s[steps, None]
     departure = mean[:, 0] - uniform[:, steps]
     apart = np.einsum("nm,nmks->nks", prediction.weight, mean) - mean[:, 0]

@@ -29,7 +29,9 @@ def saved(live, tmp_path):
     live.tracker.log_sigma = rng.uniform(-1.0, 1.0, size=live.tracker.log_sigma.shape)
     live.preference.constant_velocity[1] = True
     paths = live.paths.equations.fit
-    fit = PathFit(rng.normal(size=paths.coefficients.shape), rng.uniform(size=paths.belief.shape))
+    fit = PathFit.begun(
+        rng.normal(size=paths.coefficients.shape), rng.uniform(size=paths.belief.shape)
+    )
     live.paths.equations.begin_with(fit)
     path = tmp_path / "calibration.json"
     save(live, WEIGHTS, path)

@@ -173,7 +173,7 @@ def test_no_corrected_path_reverses():
     fit = road.live.paths.equations.fit
     coefficients, belief = np.zeros_like(fit.coefficients), np.zeros_like(fit.belief)
     coefficients[:, ALONG, :, -1], belief[:, ALONG] = -2.0 * AHEAD_S, 1.0
-    road.live.paths.equations.begin_with(PathFit(coefficients, belief))
+    road.live.paths.equations.begin_with(PathFit.begun(coefficients, belief))
     served = road.drive(0.2)
     assert (served.mean[..., -1, 0] < road.shipped.mean[..., -1, 0] - 1.0).all()
     start = np.broadcast_to(served.initial[:, None, None, 0], (CARS, 2, 1))

@@ -25,7 +25,8 @@ def feed(equations, slope, *, seconds=120, kind=VEHICLE, agents=10, noise_m=0.0,
     for _ in range(seconds):
         features = np.zeros((agents, 2, FEATURES))
         features[..., :2] = rng.normal(size=(agents, 2, 2))
-        proposal = equations.fit.propose(np.full(agents, kind), features)
+        kinds = np.full(agents, kind)
+        proposal = equations.fit.propose(kinds, features, equations.fit.shares(kinds, features))
         wanted = slope * features[..., 0] * np.array([1.0, 0.5])
         for step in range(STEPS):
             equations.add(
@@ -102,7 +103,7 @@ def test_without_outcomes_what_was_learned_is_forgotten_towards_what_was_begun_w
 
     rng = np.random.default_rng(1)
     shape = equations.fit.coefficients.shape
-    begin = PathFit(rng.normal(size=shape), rng.uniform(size=shape[:-1]))
+    begin = PathFit.begun(rng.normal(size=shape), rng.uniform(size=shape[:-1]))
     again = PathEquations(LiveOptions(), 0.2, STEPS)
     again.begin_with(begin)
     again.pass_time(1.0)
@@ -127,3 +128,35 @@ def test_nothing_to_learn_from_changes_nothing(equations):
     )
     equations.pass_time(2.0)
     assert not equations.fit.coefficients.any()
+
+
+def test_what_was_learned_holds_less_for_features_unlike_those_it_was_learned_from(equations):
+    feed(equations, 0.3)
+    features = np.zeros((3, 2, FEATURES))
+    features[:, :, 0] = 1.0
+    features[1, :, 0] = 100.0  # much larger than all before
+    features[2, :, 5] = 1.0  # never seen
+    kind = np.full(3, VEHICLE)
+    shares = equations.fit.shares(kind, features)
+    assert (shares[0] > 0.95).all()
+    assert (shares[1:] < 0.6).all()
+    assert (shares > 0.0).all()
+    proposal = equations.fit.propose(kind, features, shares)
+    np.testing.assert_allclose(proposal[0, :, ALONG], 0.3 * np.arange(1, STEPS + 1), rtol=0.1)
+    plain = equations.fit.propose(kind, features, np.ones_like(shares))
+    np.testing.assert_allclose(proposal, shares * plain)
+    # Nothing was learned of pedestrians.
+    assert not equations.fit.propose(np.full(3, PEDESTRIAN), features, shares).any()
+
+
+def test_what_was_begun_with_holds_for_all_features(equations):
+    rng = np.random.default_rng(0)
+    shape = equations.fit.coefficients.shape
+    begin = PathFit.begun(rng.normal(size=shape), np.ones(shape[:-1]))
+    equations.begin_with(begin)
+    equations.pass_time(1.0)
+    features = 10.0 * rng.normal(size=(4, 2, FEATURES))
+    kind = np.array([0, 1, 2, 3])
+    shares = equations.fit.shares(kind, features)
+    expected = np.einsum("nakf,naf->nka", begin.coefficients, features)
+    np.testing.assert_allclose(equations.fit.propose(kind, features, shares), expected)
