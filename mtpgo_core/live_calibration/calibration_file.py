@@ -13,10 +13,10 @@ import numpy as np
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
-from mtpgo_core.live_calibration.path_equations import COEFFICIENT_LIMITS, PathFit
+from mtpgo_core.live_calibration.path_equations import COEFFICIENT_LIMITS, KINDS, PathFit
 from mtpgo_core.live_calibration.sigma_tracker import LEVELS, SIGMA_LIMITS
 from mtpgo_core.schema import Float64Array
-from mtpgo_core.task.calibration import CLASS_GROUPS, GROUPS
+from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.whole_file import read_regular, whole_file
 
 FORMAT = 3
@@ -70,7 +70,7 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
                 "coefficients": np.round(paths.coefficients[place], 5).tolist(),
                 "belief": np.round(paths.belief[place], 4).tolist(),
             }
-            for place, group in enumerate(CLASS_GROUPS)
+            for place, group in enumerate(KINDS)
         },
     }
     with whole_file(path, 0o644) as temporary:
@@ -135,8 +135,8 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
 
 
 def _of_groups(found: dict[str, Any], name: str) -> Float64Array:
-    """Return the numbers of one kind of all class groups."""
-    return np.array([found[group][name] for group in CLASS_GROUPS], dtype=np.float64)
+    """Return the numbers of one kind of all kinds."""
+    return np.array([found[group][name] for group in KINDS], dtype=np.float64)
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mtpgo_core.frames import rotate
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, joined
+from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, joined, kinds
 from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
 from mtpgo_core.prediction.constant_velocity import motion_yaw
 from mtpgo_core.prediction.forward_motion import without_reversing
@@ -37,7 +37,7 @@ from mtpgo_core.schema import (
     Prediction,
     Source,
 )
-from mtpgo_core.task.calibration import MOTIONS, GroupArray
+from mtpgo_core.task.calibration import GroupArray
 
 _LARGEST_ERROR = 3.0
 """An error counts as at most so many standard deviations of the heaviest mode, as the model's file
@@ -59,7 +59,7 @@ class ServedPaths:
         stamp_ns: of the prediction (ns).
         end_ns: when its horizon has passed (ns).
         key: [n, 4] identities.
-        kind: [n] class groups, positions in ``CLASS_GROUPS``.
+        kind: [n] positions in :data:`~mtpgo_core.live_calibration.path_equations.KINDS`.
         mean: [n, H, 2] the model's path in the heaviest mode (m).
         features: of the paths.
         proposal: [n, H, 2] proposed corrections, along and across (m).
@@ -134,7 +134,7 @@ class PathCorrection:
             moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
         chosen = np.flatnonzero(moves & (prediction.source == Source.MODEL))
         some, row = select(prediction, chosen), row[chosen]
-        kind, fit = group[chosen].astype(np.intp) // len(MOTIONS), self.equations.fit
+        kind, fit = kinds(some.agent_class, group[chosen]), self.equations.fit
         features = path_features(some, window, row)
         shares = fit.shares(kind, features.values)
         most = _LARGEST_SHIFT * features.sigma

@@ -3,10 +3,10 @@
 """A linear function of the features of paths, fitted to errors as they become known.
 
 Recursive least squares with a ridge and exponential forgetting (Haykin, Adaptive Filter Theory,
-chapter on the recursive least-squares algorithm), one for each class group, direction and step
-ahead. What remains of an error beside its proposal is limited (Huber, Robust estimation of a
-location parameter, 1964, there of residuals from a mean), so that no single road user has much
-influence. What would have been proposed earlier says how much of it is believed now.
+chapter on the recursive least-squares algorithm), one for each kind of road user, direction
+and step ahead. What remains of an error beside its proposal is limited (Huber, Robust estimation
+of a location parameter, 1964, there of residuals from a mean), so that no single road user has
+much influence. What would have been proposed earlier says how much of it is believed now.
 """
 
 from __future__ import annotations
@@ -20,11 +20,17 @@ import numpy as np
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_features import FEATURES, PARTS, part_steps
-from mtpgo_core.schema import Float64Array, IndexArray
-from mtpgo_core.task.calibration import CLASS_GROUPS
+from mtpgo_core.schema import AgentClass, ClassArray, Float64Array, IndexArray
+from mtpgo_core.task.calibration import CLASS_GROUPS, MOTIONS, GroupArray
 
-ANY = list(CLASS_GROUPS).index("any")
-"""The class group that learns from the road users of all classes."""
+KINDS = (*CLASS_GROUPS, "motorcycle")
+"""Road users that are learned of together: the class groups, and motorcycles by themselves, which
+move unlike the bicycles that are most of the two-wheelers."""
+
+ANY = KINDS.index("any")
+"""The kind that learns from the road users of all classes."""
+
+_MOTORCYCLE = KINDS.index("motorcycle")
 
 COEFFICIENT_LIMITS = (-1e3, 1e3)
 """Smallest and largest coefficient (m); chosen: no proposal for features of 1 is that far."""
@@ -34,8 +40,8 @@ _DOUBTED_MPS = 0.05
 (m/s); chosen: 25 cm after 5 s, too little to matter."""
 
 _LARGEST_RESIDUAL = 2.0
-"""What remains of an error counts as at most so many times the mean absolute residual of its class
-group, direction and step; chosen on left-out sites (docs/design.md, "Path correction")."""
+"""What remains of an error counts as at most so many times the mean absolute residual of its kind,
+direction and step; chosen on left-out sites (docs/design.md, "Path correction")."""
 
 _LARGEST_SQUARE = 4.0
 """Squared length of the features beyond which an error counts less, in inverse proportion, as in a
@@ -53,12 +59,23 @@ _FIT_EVERY_S = 1.0
 little."""
 
 
+def kinds(agent_class: ClassArray, group: GroupArray) -> IndexArray:
+    """Return [n] positions in :data:`KINDS`.
+
+    Args:
+        agent_class: [n] :class:`~mtpgo_core.schema.AgentClass` values.
+        group: [n] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
+    """
+    own = group.astype(np.intp) // len(MOTIONS)
+    return np.where(agent_class == AgentClass.MOTORCYCLE, _MOTORCYCLE, own)
+
+
 @dataclass(frozen=True)
 class PathErrors:
     """Errors of m steps of the model's paths.
 
     Attributes:
-        kind: [m] class groups, positions in ``CLASS_GROUPS``.
+        kind: [m] positions in :data:`KINDS`.
         step: [m] steps ahead, from 0.
         weight: [m] how long each stands for (s).
         features: [m, 2, F], see :class:`~mtpgo_core.live_calibration.path_features.PathFeatures`.
@@ -89,10 +106,10 @@ class PathFit:
     """What is applied.
 
     Attributes:
-        coefficients: [class groups, 2, H, F] of the proposals.
-        belief: [class groups, 2, H] share of the proposals that is applied, 0 to 1.
+        coefficients: [kinds, 2, H, F] of the proposals.
+        belief: [kinds, 2, H] share of the proposals that is applied, 0 to 1.
         begin: those of the coefficients that were begun with.
-        inverse: [class groups, 2, parts, F, F] of the equations' matrices at the end of each of
+        inverse: [kinds, 2, parts, F, F] of the equations' matrices at the end of each of
             :data:`~mtpgo_core.live_calibration.path_features.PARTS` of the horizon.
     """
 
@@ -114,7 +131,7 @@ class PathFit:
         leverage h = x^T inverse x at the end of the part of the horizon.
 
         Args:
-            kind: [n] class groups.
+            kind: [n] positions in :data:`KINDS`.
             features: [n, 2, F].
         """
         steps = self.belief.shape[2]
@@ -135,7 +152,7 @@ class PathFit:
         """Return [n, H, 2] proposals (m).
 
         Args:
-            kind: [n] class groups.
+            kind: [n] positions in :data:`KINDS`.
             features: [n, 2, F].
             shares: [n, H, 2], see :meth:`shares`.
         """
@@ -159,7 +176,7 @@ class PathEquations:
 
     def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
         self.options = options
-        shape = (len(CLASS_GROUPS), 2, steps)
+        shape = (len(KINDS), 2, steps)
         self.fit = PathFit.begun(np.zeros((*shape, FEATURES)), np.zeros(shape))
         self._begin = self.fit
         self._square = np.zeros((*shape, FEATURES, FEATURES))
@@ -204,7 +221,7 @@ class PathEquations:
         self.fit = PathFit(coefficients, belief, self._begin.coefficients, inverse)
 
     def add(self, errors: PathErrors) -> None:
-        """Add errors to the equations of their own class group and of ``any``."""
+        """Add errors to the equations of their own kind and of ``any``."""
         if not len(errors.kind):
             return
         steps = self._product.shape[2]

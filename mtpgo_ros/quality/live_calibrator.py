@@ -18,9 +18,10 @@ from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.calibration_file import restore, save
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import BEST
+from mtpgo_core.live_calibration.path_equations import KINDS
 from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_core.schema import HistoryWindow, Prediction, Source
-from mtpgo_core.task.calibration import CLASS_GROUPS, GROUPS
+from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.task.task_description import TaskDescription
 from mtpgo_core.whole_file import user_path
 from mtpgo_ros.parameters.predictor_parameters import PredictorParameters
@@ -175,7 +176,7 @@ class LiveCalibrator:
         """
         values = {}
         belief = self.live.paths.equations.fit.belief
-        for kind, name in enumerate(CLASS_GROUPS):
+        for kind, name in enumerate(KINDS):
             for axis, direction in enumerate(("along", "across")):
                 if belief[kind, axis].any():
                     shares = belief[kind, axis, steps]

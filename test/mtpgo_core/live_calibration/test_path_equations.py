@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
-from mtpgo_core.live_calibration.path_equations import ANY, PathEquations, PathErrors, PathFit
+from mtpgo_core.live_calibration.path_equations import (
+    ANY,
+    KINDS,
+    PathEquations,
+    PathErrors,
+    PathFit,
+    kinds,
+)
 from mtpgo_core.live_calibration.path_features import FEATURES
+from mtpgo_core.schema import AgentClass
+from mtpgo_core.task.calibration import calibration_groups
 
 VEHICLE, PEDESTRIAN = 0, 2
 ALONG, ACROSS = 0, 1
@@ -25,8 +34,8 @@ def feed(equations, slope, *, seconds=120, kind=VEHICLE, agents=10, noise_m=0.0,
     for _ in range(seconds):
         features = np.zeros((agents, 2, FEATURES))
         features[..., :2] = rng.normal(size=(agents, 2, 2))
-        kinds = np.full(agents, kind)
-        proposal = equations.fit.propose(kinds, features, equations.fit.shares(kinds, features))
+        own = np.full(agents, kind)
+        proposal = equations.fit.propose(own, features, equations.fit.shares(own, features))
         wanted = slope * features[..., 0] * np.array([1.0, 0.5])
         for step in range(STEPS):
             equations.add(
@@ -115,6 +124,14 @@ def test_without_outcomes_what_was_learned_is_forgotten_towards_what_was_begun_w
     np.testing.assert_allclose(again.fit.coefficients[PEDESTRIAN], begin.coefficients[PEDESTRIAN])
 
 
+def test_motorcycles_are_a_kind_of_their_own():
+    classes = (AgentClass.CAR, AgentClass.BICYCLE, AgentClass.MOTORCYCLE, AgentClass.UNKNOWN)
+    agent_class = np.array(classes, dtype=np.uint8)
+    group = calibration_groups(agent_class, np.full((4, 2), 5.0))
+    found = [KINDS[kind] for kind in kinds(agent_class, group)]
+    assert found == ["vehicle", "two_wheeler", "motorcycle", "any"]
+
+
 def test_nothing_to_learn_from_changes_nothing(equations):
     equations.add(
         PathErrors(
@@ -156,7 +173,7 @@ def test_what_was_begun_with_holds_for_all_features(equations):
     equations.begin_with(begin)
     equations.pass_time(1.0)
     features = 10.0 * rng.normal(size=(4, 2, FEATURES))
-    kind = np.array([0, 1, 2, 3])
+    kind = np.array([VEHICLE, PEDESTRIAN, ANY, KINDS.index("motorcycle")])
     shares = equations.fit.shares(kind, features)
     expected = np.einsum("nakf,naf->nka", begin.coefficients, features)
     np.testing.assert_allclose(equations.fit.propose(kind, features, shares), expected)
