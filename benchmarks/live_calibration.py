@@ -48,12 +48,12 @@ from mtpgo_training.table_format import Row, Table, to_text
 FRAME_HZ, EVERY, WARM_S, MODES, STEPS = 25, 5, 10.0, 8, 25
 
 
-def measure(agents: int, seconds: float, prefer: str) -> str:
+def measure(agents: int, seconds: float, prefer: str, correct_paths: bool) -> str:
     """Return the shares of a core that observing and serving need, as text."""
     config, rng = HistoryConfig(), np.random.default_rng(0)
     history, live = (
         TrackHistory(config),
-        LiveCalibration(LiveOptions(prefer=prefer), config, STEPS),
+        LiveCalibration(LiveOptions(prefer=prefer, correct_paths=correct_paths), config, STEPS),
     )
     key, row = keys_from_integers(range(1, agents + 1)), np.arange(agents)
     observe_s = serve_s = 0.0
@@ -171,7 +171,7 @@ def main() -> None:
         measure_sites(args)
         return
     for prefer in PREFERENCES:
-        print(measure(args.agents, args.seconds, prefer))
+        print(measure(args.agents, args.seconds, prefer, args.correct_paths))
 
 
 if __name__ == "__main__":

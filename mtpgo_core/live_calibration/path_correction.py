@@ -144,7 +144,7 @@ class PathCorrection:
             end_ns=prediction.stamp_ns + round(1e9 * float(prediction.time_s[-1])),
             key=some.key,
             kind=kind,
-            mean=some.mean[:, 0, :, :2],
+            mean=some.mean[:, 0, :, :2].copy(),  # a view would keep all modes
             features=features,
             proposal=proposal,
         )
