@@ -11,6 +11,7 @@ as its own earlier proposals were right (docs/design.md, "Path correction").
 from __future__ import annotations
 
 import dataclasses
+import functools
 import threading
 from collections import deque
 from dataclasses import dataclass
@@ -156,7 +157,10 @@ class PathCorrection:
         proposed = np.clip(fit.propose(kind, others, shares), -most, most)
         shift = np.repeat(proposed[:, None], some.weight.shape[1], axis=1)
         shift[:, 0] = proposal
-        shift *= believed[:, None]
+        shift = _as_curves(shift.shape[2]) @ (believed[:, None] * shift)
+        # Beyond the limit at some step, the whole curve is made smaller, or it had a kink there.
+        excess = (np.abs(shift) / most[:, None]).max(axis=2, keepdims=True)
+        shift /= np.maximum(1.0, excess)
         moved = _moved(some, rotate(shift, features.course[:, None, None]))
         moved = without_reversing(moved, window.select(row))
         return replace_rows(prediction, chosen, moved), served
@@ -236,6 +240,18 @@ def _errors(followed: _Followed, outcomes: Outcomes, rows: IndexArray) -> PathEr
         error=np.clip(error, -most, most),
         proposal=paths.proposal[row, step],
     )
+
+
+@functools.cache
+def _as_curves(steps: int) -> Float64Array:
+    """Return [H, H] that makes shifts at each step the nearest cubic that begins with 0.
+
+    Each step is learned by itself, and at first what is known ends at a step: without this paths
+    have kinks there. Relative to the time ahead, all steps count alike.
+    """
+    ahead = np.arange(1, steps + 1) / steps
+    basis = np.stack([np.ones(steps), ahead, ahead**2], axis=1)
+    return np.asarray(basis @ np.linalg.pinv(basis) * (ahead[:, None] / ahead))
 
 
 def _moved(prediction: Prediction, shift: Float64Array) -> Prediction:

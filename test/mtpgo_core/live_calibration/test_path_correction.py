@@ -122,6 +122,17 @@ def test_errors_that_can_be_foreseen_become_small():
     np.testing.assert_allclose(served.yaw, course, atol=1e-9)
 
 
+def test_paths_have_no_kinks_where_what_is_known_ends():
+    """After 3 s nothing is known of what is farther ahead."""
+    road = Road()
+    served = road.drive(3.4)
+    shift = served.mean[..., :2] - road.shipped.mean[..., :2]
+    assert np.abs(shift[:, 0]).max() > 0.05
+    whole = np.concatenate([np.zeros((CARS, 2, 1, 2)), shift], axis=2)
+    # A cubic from 0 on: the fourth differences are 0.
+    assert np.abs(np.diff(whole, 4, axis=2)).max() < 1e-6
+
+
 def test_covariances_follow_the_corrected_paths():
     plain, corrected = (
         Road(options=LiveOptions(correct_paths=False), sigma_m=2.0),
