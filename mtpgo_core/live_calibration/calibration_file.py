@@ -135,7 +135,7 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
 
 
 def _of_groups(found: dict[str, Any], name: str) -> Float64Array:
-    """Return the numbers of one kind of all kinds."""
+    """Return an array of a file, with a row for each kind of road user."""
     return np.array([found[group][name] for group in KINDS], dtype=np.float64)
 
 
