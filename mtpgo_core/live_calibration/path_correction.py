@@ -29,7 +29,6 @@ from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.output_assembly import replace_rows, select, time_grid
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.schema import (
-    MOVING_MPS,
     CalibrationStage,
     Float64Array,
     HistoryWindow,
@@ -38,7 +37,7 @@ from mtpgo_core.schema import (
     Prediction,
     Source,
 )
-from mtpgo_core.task.calibration import GroupArray
+from mtpgo_core.task.calibration import GroupArray, is_moving
 
 _LARGEST_ERROR = 3.0
 """An error counts as at most so many standard deviations of the heaviest mode, as the model's file
@@ -130,9 +129,8 @@ class PathCorrection:
             row: [n] the predicted agents' positions in the window.
             group: [n] positions in :data:`~mtpgo_core.task.calibration.GROUPS`.
         """
-        velocity = window.velocity[row, -1]
-        with np.errstate(invalid="ignore"):
-            moves = np.hypot(velocity[:, 0], velocity[:, 1]) > MOVING_MPS
+        known = np.isfinite(window.velocity[row, -1]).all(axis=1)
+        moves = is_moving(group) & known
         chosen = np.flatnonzero(moves & (prediction.source == Source.MODEL))
         some, row = select(prediction, chosen), row[chosen]
         kind, fit = kinds(some.agent_class, group[chosen]), self.equations.fit

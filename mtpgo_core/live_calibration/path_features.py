@@ -87,11 +87,10 @@ def path_features(prediction: Prediction, window: HistoryWindow, row: IndexArray
     velocity = prediction.initial[:, 2:]
     course = np.arctan2(velocity[:, 1], velocity[:, 0])
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    ahead_s = prediction.time_s - (window.stamp_ns - prediction.stamp_ns) * 1e-9
-    uniform = prediction.initial[:, None, :2] + velocity[:, None] * prediction.time_s[:, None]
-    steps = part_steps(len(ahead_s))
-    mean, ahead_s = prediction.mean[:, :, steps, :2], ahead_s[steps, None]
-    departure = mean[:, 0] - uniform[:, steps]
+    steps = part_steps(len(prediction.time_s))
+    mean, time_s = prediction.mean[:, :, steps, :2], prediction.time_s[steps, None]
+    ahead_s = time_s - (window.stamp_ns - prediction.stamp_ns) * 1e-9
+    departure = mean[:, 0] - (prediction.initial[:, None, :2] + velocity[:, None] * time_s)
     apart = np.einsum("nm,nmks->nks", prediction.weight, mean) - mean[:, 0]
     values = np.zeros((len(row), 2, FEATURES))
     for part, offset in ((_DEPARTURE, departure), (MIXTURE, apart)):

@@ -103,8 +103,10 @@ class CrossvalFolder:
         }
         found = {}
         for fold in folds:
-            names = [name for name, left in left_out_by.items() if fold.recordings <= left]
-            name = fold.name if fold.name in left_out_by or not names else names[0]
+            name = fold.name
+            if name not in left_out_by:
+                wider = (other for other, left in left_out_by.items() if fold.recordings <= left)
+                name = next(wider, name)
             files = self.fold(name)
             if name not in left_out_by or not files.training.is_file():
                 raise ConfigurationError(

@@ -299,8 +299,8 @@ def test_one_erratic_car_of_thirty_does_not_make_the_paths_of_the_others_worse()
 def test_empty_scenes_are_no_trouble():
     road = Road()
     window = road.history.window()
-    nobody = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2, modes=2)
-    assert len(road.live.serve(nobody, window)) == 0
+    empty = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2, modes=2)
+    assert len(road.live.serve(empty, window)) == 0
     road.by_model[:] = False
     road.drive(10.0)
     assert not road.live.paths.equations.fit.coefficients.any()

@@ -75,7 +75,7 @@ def test_what_each_number_is():
     assert last[0, 1] == pytest.approx(0.0, abs=1e-6)
     assert last[1, 1] == pytest.approx(-3.4 * near[1], rel=0.05)
     assert last[1, 2] == pytest.approx(-1.0 * near[1], rel=0.3)
-    assert not found.values[2, ALONG, LEADERS].any()  # nobody ahead
+    assert not found.values[2, ALONG, LEADERS].any()  # no leader
     assert not found.values[:, ACROSS, LEADERS].any()
     speed = np.hypot(*window.velocity[:, -1].T)
     np.testing.assert_allclose(found.values[:, ALONG, SPEED], speed / 10.0)
@@ -154,7 +154,7 @@ def test_a_slip_of_the_tracker_is_bounded():
     assert np.abs(found).max() == 100.0
 
 
-def test_nobody_has_no_features():
+def test_an_empty_window_has_no_features():
     window = observed().select(np.empty(0, dtype=np.intp))
     prediction = predict_constant_velocity(window, horizon_steps=25, dt_s=0.2, modes=2)
     found = path_features(prediction, window, np.empty(0, dtype=np.intp))

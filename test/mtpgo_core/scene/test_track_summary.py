@@ -182,10 +182,10 @@ def test_the_wildest_track_that_a_history_holds_has_finite_features():
     assert np.abs(features).max() == 3.0
 
 
-def test_nobody_has_no_summary():
-    nobody = drive(agents=1).select(np.empty(0, dtype=np.intp))
-    assert track_summary(nobody).shape == (0, len(TRACK_FEATURES))
-    assert velocity_changes(nobody).shape == (0, 2, len(CHANGE_STEPS))
+def test_an_empty_window_has_no_summary():
+    empty = drive(agents=1).select(np.empty(0, dtype=np.intp))
+    assert track_summary(empty).shape == (0, len(TRACK_FEATURES))
+    assert velocity_changes(empty).shape == (0, 2, len(CHANGE_STEPS))
 
 
 def test_changes_of_velocity_are_the_last_features_of_the_summary():
