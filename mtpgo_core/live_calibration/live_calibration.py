@@ -60,8 +60,8 @@ class LiveCalibration:
         self.options = options
         self.tracker = SigmaTracker(options, horizon_steps)
         self.preference = ModelPreference(options)
-        self.paths = PathCorrection(options, history.dt_s, horizon_steps)
         self._limits, self._max_gap_s = MemoryLimits(modes=1), history.max_gap_s
+        self.paths = PathCorrection(options, history.dt_s, horizon_steps, self._limits.cycles)
         self._matcher = OutcomeMatcher(history, self._limits)
         self._served = ServedTables()
         self._now_ns: int | None = None
@@ -102,9 +102,9 @@ class LiveCalibration:
                 prediction.stamp_ns, log_sigma, log_shipped_50(prediction, group), spacing_s
             )
         if span_s:
-            self._matcher.add(corrected, window)
             if paths is not None:
                 self.paths.keep(paths, span_s)
+            self._matcher.add(corrected, window)
         if self.options.prefer != BEST:
             return corrected
         preferred = self.preference.constant_velocity[group] & (prediction.source == MODEL)
@@ -148,7 +148,7 @@ class LiveCalibration:
             errors = self._squared_errors(outcomes)
             self.tracker.update(errors)
         if self.options.learns_paths:
-            self.paths.update(seconds, outcomes, history, self._max_gap_s)
+            self.paths.update(seconds, outcomes)
         if self.options.prefer == BEST:
             error_m = _errors(outcomes)
             group = outcomes.group.astype(np.intp)

@@ -17,10 +17,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtpgo_core.frames import rotate
-from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, joined, kinds
 from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
@@ -33,7 +31,6 @@ from mtpgo_core.schema import (
     Float64Array,
     HistoryWindow,
     IndexArray,
-    KeyArray,
     Prediction,
     Source,
 )
@@ -42,9 +39,6 @@ from mtpgo_core.task.calibration import GroupArray, is_moving
 _LARGEST_ERROR = 3.0
 """An error counts as at most so many standard deviations of the heaviest mode, as the model's file
 states them; chosen: an identity that went over to another road user must not count like fifty."""
-
-_WAITING = 8
-"""Most predictions that wait for the next observation; chosen as for the matcher of outcomes."""
 
 _LARGEST_SHIFT = 1.0
 """No path is moved by more standard deviations of its heaviest mode; chosen: the correction says
@@ -57,8 +51,7 @@ class ServedPaths:
 
     Attributes:
         stamp_ns: of the prediction (ns).
-        end_ns: when its horizon has passed (ns).
-        key: [n, 4] identities.
+        place: [p] position of each road user of the prediction in the arrays below, -1 where none.
         kind: [n] positions in :data:`~mtpgo_core.live_calibration.path_equations.KINDS`.
         mean: [n, H, 2] the model's path in the heaviest mode (m).
         features: of the paths.
@@ -67,28 +60,12 @@ class ServedPaths:
     """
 
     stamp_ns: int
-    end_ns: int
-    key: KeyArray
+    place: IndexArray
     kind: IndexArray
     mean: Float64Array
     features: PathFeatures
     proposal: Float64Array
     weight_s: float = 0.0
-
-
-@dataclass(frozen=True)
-class _Followed:
-    """Served paths of known tracks.
-
-    Attributes:
-        paths: as served.
-        number: [k] ascending numbers of tracks.
-        row: [k] their rows.
-    """
-
-    paths: ServedPaths
-    number: NDArray[np.int64]
-    row: IndexArray
 
 
 class PathCorrection:
@@ -100,15 +77,15 @@ class PathCorrection:
         options: may be replaced by :meth:`configure`.
         dt_s: step of the horizon (s).
         steps: H.
+        cycles: most predictions kept, as many as the memory of outcomes keeps.
 
     Attributes:
         equations: what was learned.
     """
 
-    def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
+    def __init__(self, options: LiveOptions, dt_s: float, steps: int, cycles: int) -> None:
         self.equations = PathEquations(options, dt_s, steps)
-        self._waiting: deque[ServedPaths] = deque(maxlen=_WAITING)
-        self._followed: dict[int, _Followed] = {}
+        self._served: deque[ServedPaths] = deque(maxlen=cycles)
         self._lock = threading.Lock()
 
     def configure(self, options: LiveOptions) -> None:
@@ -132,6 +109,8 @@ class PathCorrection:
         known = np.isfinite(window.velocity[row, -1]).all(axis=1)
         moves = is_moving(group) & known
         chosen = np.flatnonzero(moves & (prediction.source == Source.MODEL))
+        place = np.full(len(prediction), -1)
+        place[chosen] = np.arange(len(chosen))
         some, row = select(prediction, chosen), row[chosen]
         kind, fit = kinds(some.agent_class, group[chosen]), self.equations.fit
         features = path_features(some, window, row)
@@ -140,8 +119,7 @@ class PathCorrection:
         proposal = np.clip(fit.propose(kind, features.values, shares), -most, most)
         served = ServedPaths(
             stamp_ns=prediction.stamp_ns,
-            end_ns=prediction.stamp_ns + round(1e9 * float(prediction.time_s[-1])),
-            key=some.key,
+            place=place,
             kind=kind,
             mean=some.mean[:, 0, :, :2].copy(),  # a view would keep all modes
             features=features,
@@ -171,64 +149,40 @@ class PathCorrection:
             weight_s: how long it stands for (s).
         """
         with self._lock:
-            self._waiting.append(dataclasses.replace(served, weight_s=weight_s))
+            self._served.append(dataclasses.replace(served, weight_s=weight_s))
 
     def clear(self) -> None:
         """Forget the predictions whose outcomes are not known yet; keep what was learned."""
         with self._lock:
-            self._waiting.clear()
-        self._followed.clear()
+            self._served.clear()
 
-    def update(
-        self, seconds: float, outcomes: Outcomes, history: TrackHistory, longest_wait_s: float
-    ) -> None:
+    def update(self, seconds: float, outcomes: Outcomes) -> None:
         """Learn from the last observation.
 
         Args:
             seconds: time since the last call (s).
             outcomes: that it reveals.
-            history: after the observation.
-            longest_wait_s: how long after a step its truth may come (s).
         """
-        self._follow(history, outcomes.now_ns - round(1e9 * longest_wait_s))
         self.equations.pass_time(seconds)
         known = np.flatnonzero(outcomes.known)
         stamps, which = np.unique(outcomes.stamp_ns[known], return_inverse=True)
+        with self._lock:
+            served = {paths.stamp_ns: paths for paths in self._served}
         errors = [
-            _errors(followed, outcomes, known[which == place])
-            for place, stamp_ns in enumerate(stamps.tolist())
-            if (followed := self._followed.get(stamp_ns)) is not None
+            _errors(paths, outcomes.select(known[which == index]))
+            for index, stamp_ns in enumerate(stamps.tolist())
+            if (paths := served.get(stamp_ns)) is not None
         ]
         if errors:
             self.equations.add(joined(errors))
 
-    def _follow(self, history: TrackHistory, oldest_ns: int) -> None:
-        """Find the tracks of the predictions that came since the last observation."""
-        with self._lock:
-            waiting = list(self._waiting)
-            self._waiting.clear()
-        now_ns = history.newest_stamp_ns or 0
-        for paths in waiting:
-            if paths.stamp_ns > now_ns:
-                continue  # made before the clock was set back
-            number = history.track_numbers(paths.key, paths.stamp_ns)
-            row = np.flatnonzero(number >= 0)
-            if len(row):
-                row = row[np.argsort(number[row])]
-                self._followed[paths.stamp_ns] = _Followed(paths, number[row], row)
-        passed = [at for at, one in self._followed.items() if one.paths.end_ns < oldest_ns]
-        for stamp_ns in passed:
-            del self._followed[stamp_ns]
 
-
-def _errors(followed: _Followed, outcomes: Outcomes, rows: IndexArray) -> PathErrors:
-    """Return the errors of the paths of one prediction, by those rows of the outcomes."""
-    paths, track = followed.paths, outcomes.track[rows]
-    place = np.minimum(np.searchsorted(followed.number, track), len(followed.number) - 1)
-    found = followed.number[place] == track
-    row, step = followed.row[place[found]], outcomes.step[rows[found]]
-    offset = outcomes.truth[rows[found]] - paths.mean[row, step]
-    error = rotate(offset, -paths.features.course[row])
+def _errors(paths: ServedPaths, outcomes: Outcomes) -> PathErrors:
+    """Return the errors of the paths of one prediction, by the outcomes of that prediction."""
+    place = paths.place[outcomes.row]
+    found = np.flatnonzero(place >= 0)
+    row, step = place[found], outcomes.step[found]
+    error = rotate(outcomes.truth[found] - paths.mean[row, step], -paths.features.course[row])
     most = _LARGEST_ERROR * paths.features.sigma[row, step]
     return PathErrors(
         kind=paths.kind[row],

@@ -76,13 +76,14 @@ class OutcomeMatcher:
             window: that it was made of; constant velocity starts there.
             max_modes: most modes that are published; None for all.
         """
-        row = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
-        if (row < 0).any():
-            prediction, row = select(prediction, row >= 0), row[row >= 0]
+        present = find_sort_keys(sort_keys(window.key), sort_keys(prediction.key))
+        row = np.flatnonzero(present >= 0)
+        if len(row) < len(prediction):
+            prediction = select(prediction, row)
         weight, modes = heaviest_modes(
             prediction, min(self._limits.modes, max_modes or self._limits.modes)
         )
-        window = window.select(row)
+        window = window.select(present[row])
         steps = len(prediction.time_s)
         start_s = (window.stamp_ns - prediction.stamp_ns) * 1e-9
         dt_s = float(prediction.time_s[0]) - start_s if steps else 0.0
@@ -90,6 +91,7 @@ class OutcomeMatcher:
         new = KeptPrediction(
             stamp_ns=prediction.stamp_ns,
             time_s=prediction.time_s,
+            row=row,
             number=np.full(len(prediction), -1),
             group=calibration_groups(window.agent_class, window.velocity[:, -1]),
             source=prediction.source,

@@ -64,6 +64,11 @@ class Outcomes:
         """[m] whether there is a truth."""
         return np.asarray(np.isfinite(self.truth[:, 0]))
 
+    @property
+    def row(self) -> IndexArray:
+        """[m] position of the agent in the published prediction."""
+        return self._memory.row[self._cycle, self._agent]
+
     @cached_property
     def heaviest_mean(self) -> Float64Array:
         """[m, 2] position in the heaviest mode (m)."""

@@ -20,6 +20,7 @@ _MORE_AGENTS = 16
 
 _BY_AGENT = (
     "step",
+    "row",
     "number",
     "group",
     "source",
@@ -73,6 +74,7 @@ class KeptPrediction:
     Attributes:
         stamp_ns: time of the observation that it starts from (ns).
         time_s: [H] seconds after ``stamp_ns``.
+        row: [n] positions of the agents in the published prediction.
         number: [n] numbers of the tracks.
         group: [n] calibrated groups.
         source: [n] :class:`~mtpgo_core.schema.Source` values.
@@ -84,6 +86,7 @@ class KeptPrediction:
 
     stamp_ns: int
     time_s: Float64Array
+    row: IndexArray
     number: NDArray[np.int64]
     group: NDArray[np.uint8]
     source: NDArray[np.uint8]
@@ -128,6 +131,7 @@ class PredictionMemory:
         self.time_s = np.zeros((cycles, steps))
         self._target_ns = np.full((cycles, steps + 1), _NEVER_NS, dtype=np.int64)
         self.step = np.full((cycles, agents), steps, dtype=np.intp)
+        self.row = np.zeros((cycles, agents), dtype=np.intp)
         self.number = np.full((cycles, agents), -1, dtype=np.int64)
         self.group = np.zeros((cycles, agents), dtype=np.uint8)
         self.source = np.zeros((cycles, agents), dtype=np.uint8)
@@ -193,6 +197,7 @@ class PredictionMemory:
         self.step[c] = steps
         self.number[c] = -1
         self.step[c, :n] = 0
+        self.row[c, :n] = new.row[rows]
         self.number[c, :n] = new.number[rows]
         self.group[c, :n], self.source[c, :n] = new.group[rows], new.source[rows]
         self.weight[c, :n] = new.weight[rows]

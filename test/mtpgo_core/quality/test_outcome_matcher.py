@@ -199,6 +199,20 @@ def test_the_memory_is_bounded():
     np.testing.assert_array_equal(np.unique(stream.rows("stamp_ns")) % (6 * S_NS // 10), 4 * 10**8)
 
 
+def test_a_row_says_which_agent_of_the_published_prediction_it_is_of():
+    """Though one has gone meanwhile, one is not in the window, and only two are kept."""
+    stream = Stream(MemoryLimits(agents=2))
+    stream.observe(0.0, {k: (0.0, 10.0 * k) for k in range(5)})
+    window = stream.history.window()
+    published = predict_constant_velocity(window, horizon_steps=STEPS, dt_s=0.2)
+    window = window.select(np.array([0, 2, 3, 4]))
+    stream.observe(0.1, {0: (900.0, 0.0), 2: (1.0, 20.0), 3: (1.0, 30.0), 4: (1.0, 40.0)})
+    stream.matcher.add(published, window)
+    outcomes = stream.observe(0.2, {k: (2.0, 10.0 * k) for k in (2, 3, 4)})
+    np.testing.assert_array_equal(outcomes.row, [2, 3])
+    np.testing.assert_allclose(outcomes.truth, published.mean[outcomes.row, 0, 0, :2], atol=1e-6)
+
+
 def test_all_modes_of_a_row_are_given():
     stream = Stream()
     stream.drive([0.0], predict_at=[0.0])
