@@ -69,12 +69,13 @@ enum Source : std::uint8_t
   SOURCE_PREFERRED_CONSTANT_VELOCITY = 2,
 };
 
-/// What was applied to the covariances, see Agent::calibration.
+/// What was applied to the model's prediction, see Agent::calibration.
 enum Calibration : std::uint8_t
 {
   CALIBRATION_NONE = 0,
   CALIBRATION_SHIPPED = 1,
   CALIBRATION_ONLINE = 2,
+  CALIBRATION_ONLINE_PATH = 3,
 };
 
 /// A field of a point, as in sensor_msgs/PointField.

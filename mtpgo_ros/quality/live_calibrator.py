@@ -69,7 +69,7 @@ class LiveCalibrator:
             try:
                 self._restored = restore(self.live, task.weights_sha256, self._path)
             except ConfigurationError as error:
-                self.file_error = f"{error}; the shipped factors are used"
+                self.file_error = f"{error}; the shipped calibration is used"
             self.look_at_file()
 
     def look_at_file(self) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mtpgo_core.class_size import known_sizes
 from mtpgo_core.quality.metrics import radius_squared, sigma_factor
-from mtpgo_core.schema import AgentClass, Float64Array, Source
+from mtpgo_core.schema import AgentClass, CalibrationStage, Float64Array, Source
 from mtpgo_training.data.recording import Int64Array
 from mtpgo_training.reports.drawn_bodies import shown_modes
 from mtpgo_training.view.view_scene import (
@@ -53,6 +53,14 @@ PATH_S = 0.4
 """Distance of the stored points of a path in time (s); chosen: between them a road user moves
 straight to within centimetres."""
 
+_STAGES = {
+    CalibrationStage.NONE: "none",
+    CalibrationStage.SHIPPED: "calibration of the model file",
+    CalibrationStage.ONLINE: "calibrated online",
+    CalibrationStage.ONLINE_PATH: "calibrated online, path corrected",
+}
+"""What the page says was applied to the model's prediction."""
+
 _log = logging.getLogger("mtpgo")
 
 Columns = dict[str, NDArray[np.int64]]
@@ -81,6 +89,7 @@ def pack_scene(scene: ViewScene) -> bytes:
         },
         "classes": [member.name.lower() for member in AgentClass],
         "sources": [member.name.lower().replace("_", " ") for member in Source],
+        "stages": [_STAGES[stage] for stage in CalibrationStage],
         "level": ELLIPSE_LEVEL,
     }
     columns = _lanes(scene, origin) | _tracks(scene, origin, head) | _modes(scene, origin, head)

@@ -3,7 +3,6 @@
 // Buttons, keys, mouse and touch; the texts beside the picture.
 
 const SWITCHES = ["modes", "ellipses", "past", "truth", "before", "names"];
-const STAGES = ["not calibrated", "calibration of the model file", "calibrated online"];
 const SPEEDS = [0.25, 0.5, 1, 2, 4];
 const LEAST_FIT_SCALE = 3.2;  // pixels per metre at which boxes can be told from each other
 
@@ -187,7 +186,7 @@ class Viewer {
     } else rows.push(["speed", "not present now"]);
     if (agent) {
       rows.push(["predicted by", this.scene.head.sources[agent.source] || "unknown"]);
-      if (agent.source === 0) rows.push(["covariance", STAGES[agent.calibration] || "unknown"]);
+      if (agent.source === 0) rows.push(["correction", this.scene.head.stages[agent.calibration] || "unknown"]);
       const most = this.narrow ? 3 : agent.modes.length;
       agent.modes.slice(0, most).forEach((mode, i) => {
         const bar = document.createElement("span"), value = document.createElement("span");

@@ -26,6 +26,7 @@ from msg_adapters.predictions import (
 )
 from msg_adapters.registry import INPUTS
 from mtpgo_core.errors import MessageError
+from mtpgo_core.schema import CalibrationStage, Source
 
 ROOT = Path(__file__).resolve().parents[3]
 MESSAGES = ROOT / "docs" / "messages.md"
@@ -307,6 +308,18 @@ def test_the_message_class_of_ros_gives_the_same(prediction, offline, typestore,
     found, refused = dumps([whole, cut], program)
     assert_same(found, whole)
     assert "is cut off" in refused
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("Source", Source), ("Calibration", CalibrationStage)]
+)
+def test_the_header_names_every_value(name, values):
+    text = (ROOT / "include" / "mtpgo_ros" / "predictions.hpp").read_text("utf-8")
+    (body,) = re.findall(rf"enum {name} : std::uint8_t\n{{\n(.*?)}};", text, re.DOTALL)
+    named = dict(re.findall(rf"  {name.upper()}_(\w+) = (\d+),", body))
+    published = {value.name: str(value.value) for value in values}
+    published.pop("OTHER", None)  # of converted messages, never in a cloud
+    assert named == published
 
 
 def test_an_older_standard_is_named():

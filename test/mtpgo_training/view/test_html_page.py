@@ -213,6 +213,7 @@ class TestInABrowser:
         assert "truck" in told
         assert "36 km/h" in told
         assert "model" in told
+        assert "correction\tnone" in told
 
     def test_switches_keys_wheel_and_theme_change_the_picture(self, browser):
         slide(browser, 3.0)

@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pytest
 
+from mtpgo_core.schema import AgentClass, CalibrationStage, Source
 from mtpgo_training.view.packed_scene import POSITION_M, pack_integers, pack_scene, path_indices
 from mtpgo_training.view.view_scene import rows_by_track
 
@@ -97,6 +98,16 @@ def test_ellipses_are_kept_to_their_step(scene):
         for name in ("ellipse_minor", "ellipse_major")
     ]
     np.testing.assert_allclose(found, radius, rtol=0.05)
+
+
+def test_every_value_of_the_fields_of_a_prediction_has_a_name(scene):
+    head, _ = unpack(pack_scene(scene))
+    for names, values in (
+        ("classes", AgentClass),
+        ("sources", Source),
+        ("stages", CalibrationStage),
+    ):
+        assert len(set(head[names])) == len(values) == max(values) + 1
 
 
 def test_a_scene_without_predictions_is_packed(scene):
