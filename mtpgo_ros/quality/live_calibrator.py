@@ -140,6 +140,7 @@ class LiveCalibrator:
         live, options = self.live, self.live.options
         values = {
             "calibration": options.calibration,
+            "correct_paths": str(options.correct_paths).lower(),
             "prefer": options.prefer,
             "calibration_file": str(self._path or ""),
             "restored": str(self._restored).lower(),

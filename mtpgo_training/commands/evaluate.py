@@ -73,6 +73,7 @@ OF_A_RUN: dict[str, object] = {
     "unknown_classes": False,
     "calibration": None,
     "prefer": None,
+    "no_correct_paths": False,
     "kde_samples": 0,
     "path_smoothing": 0.0,
     "no_centre": False,
@@ -91,7 +92,7 @@ WITHOUT_EFFECT = (
     (("without_lanes",), "which were made with the lanes that the node knew"),
     (("one_sample",), "which have a past"),
     (("unknown_classes",), "whose classes were those that the node received"),
-    (("calibration", "prefer"), "which were calibrated by the node"),
+    (("calibration", "prefer", "no_correct_paths"), "which were calibrated by the node"),
     (("path_smoothing",), "which are scored as the node published them"),
 )
 """Options without effect on recorded predictions, and the reasons."""
@@ -184,6 +185,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         choices=PREFERENCES,
         help="best: constant velocity predicts groups of road users in which it has been better, "
         "as the node does (model)",
+    )
+    add(
+        "--no-correct-paths",
+        action="store_true",
+        help="the online calibration corrects covariances alone, as the node does with "
+        "correct_paths:=false",
     )
     add(
         "--kde-samples",
@@ -296,6 +303,8 @@ def run(args: argparse.Namespace) -> int:
             print(f"paths smoothed with a memory of {settings.path_smoothing_s:g} s\n")
         if settings.live.watches or settings.calibration != SHIPPED:
             print(f"calibration {settings.calibration}, prefer {settings.prefer}\n")
+        if not settings.correct_paths:
+            print("the online calibration corrects covariances alone\n")
         from mtpgo_training.reports.terminal import print_result
 
         print_result(content, result)
@@ -360,6 +369,7 @@ def _settings(args: argparse.Namespace) -> Settings:
         tracker_seed=(args.tracker_seed or 0) if args.tracker == SIMULATED else None,
         calibration=args.calibration or SHIPPED,
         prefer=args.prefer or PREFER_MODEL,
+        correct_paths=not args.no_correct_paths,
         kde_samples=args.kde_samples,
         path_smoothing_s=args.path_smoothing,
         unknown_classes=args.unknown_classes,
@@ -466,6 +476,12 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigurationError(
             "--one-sample is given with --calibration online or --prefer best, which learn from a "
             "past"
+        )
+    if args.no_correct_paths and (args.one_sample or args.calibration not in (None, ONLINE)):
+        other = "--one-sample" if args.one_sample else f"--calibration {args.calibration}"
+        raise ConfigurationError(
+            f"--no-correct-paths is given with {other}, by which no path is corrected, expected "
+            "one of them"
         )
     if args.predictions and args.tracker == SIMULATED:
         raise ConfigurationError(

@@ -269,8 +269,8 @@ def _print_plan(plan: PlaybackPlan, task: TaskDescription, model: Path) -> None:
     )
     if plan.left_out:
         print(
-            f"  {len(plan.left_out)} left out, the model was trained on them (--all or ALL=1 "
-            f"plays them too): {', '.join(plan.left_out)}"
+            f"  {len(plan.left_out)} left out, the model was trained or chosen with them (--all "
+            f"or ALL=1 plays them too): {', '.join(plan.left_out)}"
         )
 
 

@@ -23,7 +23,8 @@ class PlaybackPlan:
 
     Attributes:
         recordings: in the order of playback, with ``start_time_ns`` set so that stamps increase.
-        left_out: names of the recordings not played because the model was trained on them.
+        left_out: names of the recordings not played because the model was trained or chosen
+            with them.
     """
 
     recordings: tuple[Recording, ...]
@@ -62,8 +63,8 @@ def make_plan(
     left_out = [r.name for r, known in zip(present, seen, strict=True) if known]
     if not played:
         raise RecordingError(
-            f"the model was trained on all {len(left_out)} recordings given, expected one that "
-            "it was not trained on, or --all to play them anyway"
+            f"the model was trained or chosen with all recordings given ({', '.join(left_out)}), "
+            "expected another one, or --all to play them anyway"
             if left_out
             else "the recordings given are empty, expected at least one road user"
         )

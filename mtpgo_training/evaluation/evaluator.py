@@ -75,6 +75,7 @@ class Settings:
         calibration: what is applied to the models' output; ``online`` starts from the shipped
             calibration with each recording.
         prefer: who predicts, see :data:`~mtpgo_core.live_calibration.live_options.PREFERENCES`.
+        correct_paths: whether the online calibration corrects paths, too.
         kde_samples: see :func:`~.scores.agent_scores.score_agents`.
         path_smoothing_s: memory of the farthest predicted points over the instants (s), 0 for
             none.
@@ -94,6 +95,7 @@ class Settings:
     tracker_seed: int | None = None
     calibration: str = SHIPPED
     prefer: str = PREFER_MODEL
+    correct_paths: bool = True
     kde_samples: int = 0
     path_smoothing_s: float = 0.0
     unknown_classes: bool = False
@@ -102,7 +104,14 @@ class Settings:
     @property
     def live(self) -> LiveOptions:
         """What a live calibration learns."""
-        return LiveOptions(calibration=self.calibration, prefer=self.prefer)
+        return LiveOptions(
+            calibration=self.calibration, prefer=self.prefer, correct_paths=self.correct_paths
+        )
+
+    @property
+    def online(self) -> LiveOptions:
+        """What the live calibration learns whose effect is shown."""
+        return LiveOptions(correct_paths=self.correct_paths)
 
 
 @dataclass
@@ -349,7 +358,7 @@ def evaluate_recording(
             for key in predictors
         }
         online = {
-            model: LiveCalibration(LiveOptions(), history, runners[model].task.horizon_steps)
+            model: LiveCalibration(settings.online, history, runners[model].task.horizon_steps)
             for model in group
             if settings.online_effect
         }

@@ -92,6 +92,7 @@ def summarise(
         "lanes": None if from_bags else settings.lanes,
         "calibration": None if from_bags else settings.calibration,
         "prefer": None if from_bags else settings.prefer,
+        "correct_paths": None if from_bags else settings.correct_paths,
         "tracker": RECORDED if settings.tracker_seed is None else SIMULATED,
         "tracker_seed": settings.tracker_seed,
         "unknown_classes": settings.unknown_classes,
