@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,23 @@ _ARRAYS = (*_STORED, "sigma_factor_50")
 
 
 @dataclass(frozen=True)
+class SampledRecording:
+    """A recording that samples are of.
+
+    Attributes:
+        name: of the recording.
+        source: last part of its directory's name.
+        layout: of its files.
+        sha256: of its files.
+    """
+
+    name: str
+    source: str
+    layout: str
+    sha256: str
+
+
+@dataclass(frozen=True)
 class CalibrationSamples:
     """Predictions of n agents (a road user at an instant), compared with what they did.
 
@@ -57,6 +74,7 @@ class CalibrationSamples:
         mode_log_determinant: [n, M, K] of each mode's covariance there (m^4).
         sigma_factor_50: [n, H] of the 50 % ellipses, see
             :class:`~mtpgo_core.schema.Prediction`; 1 without a calibration, and not stored.
+        recordings: that the samples are of, as far as it is known.
     """
 
     step_s: float
@@ -70,6 +88,7 @@ class CalibrationSamples:
     mode_distance: Float32Array
     mode_log_determinant: Float32Array
     sigma_factor_50: Float32Array = field(default_factory=lambda: np.empty((0, 0), np.float32))
+    recordings: tuple[SampledRecording, ...] = ()
 
     def __post_init__(self) -> None:
         if self.sigma_factor_50.shape != self.distance.shape:
@@ -218,6 +237,7 @@ class CalibrationSamples:
                 format=np.array(_FORMAT),
                 step_s=np.array(self.step_s),
                 sites=np.array(self.sites, dtype=np.str_),
+                recordings=np.array(list(map(astuple, self.recordings)), dtype=np.str_),
                 **{name: getattr(self, name) for name in _STORED},
             )
 
@@ -245,7 +265,14 @@ class CalibrationSamples:
                     steps = scored_steps(arrays["distance"].shape[1], step_s)
                     shape = (*arrays["log_weight"].shape, len(steps))
                     arrays |= {name: np.full(shape, np.nan, np.float32) for name in _OF_MODES}
-                return cls(step_s=step_s, sites=tuple(map(str, data["sites"])), **arrays)
+                # Files of earlier versions do not say.
+                listed = data.get("recordings", ())
+                return cls(
+                    step_s=step_s,
+                    sites=tuple(map(str, data["sites"])),
+                    recordings=tuple(SampledRecording(*map(str, row)) for row in listed),
+                    **arrays,
+                )
         except FileNotFoundError as error:
             raise ConfigurationError(f"the file of samples {path} does not exist") from error
         except ConfigurationError:
@@ -281,7 +308,10 @@ def merge_samples(parts: Sequence[CalibrationSamples]) -> CalibrationSamples:
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS[1:]
     }
     site = np.concatenate([to[part.site] for to, part in zip(moved, parts, strict=True)])
-    return CalibrationSamples(step_s=parts[0].step_s, sites=sites, site=site, **joined)
+    recordings = tuple(dict.fromkeys(one for part in parts for one in part.recordings))
+    return CalibrationSamples(
+        step_s=parts[0].step_s, sites=sites, site=site, recordings=recordings, **joined
+    )
 
 
 def load_samples(paths: Sequence[Path]) -> CalibrationSamples:

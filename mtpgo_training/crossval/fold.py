@@ -14,7 +14,11 @@ from typing import Any
 
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_training.atomic_files import read_json, write_text
-from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
+from mtpgo_training.calibration.calibration_samples import (
+    CalibrationSamples,
+    SampledRecording,
+    merge_samples,
+)
 from mtpgo_training.crossval.crossval_folder import FoldFolder
 from mtpgo_training.crossval.fold_samples import SampledEvaluation
 from mtpgo_training.crossval.planned_training import train_planned, write_training
@@ -92,13 +96,15 @@ def run_fold(job: FoldJob) -> bool:
     export_runs([files.run], files.model, name=_name(job.config, job.fold), force=True)
     start = time.monotonic()
     runner = ModelRunner.load(files.model, trusted=True)
-    scores, samples = {}, []
+    scores, samples, sampled = {}, [], []
     for site in job.fold.sites:
         left_out = [item for item in recordings if item.name in site.recordings]
         scores[site.name], parts = _scores(job, runner, site, left_out)
         samples += parts
+        sampled += [_sampled(item) for item in left_out if not item.is_named(job.config.data.test)]
     if samples:
-        merge_samples(samples).save(files.samples)
+        merged = merge_samples(samples)
+        dataclasses.replace(merged, recordings=tuple(sampled)).save(files.samples)
     content: Json = {
         "fold": job.fold.name,
         "training": read_json(files.training, "how a fold was trained"),
@@ -139,7 +145,8 @@ def _scores(
         settings = Settings(
             stride_s=job.stride_s, centre=False, tracker_seed=TRACKER_SEEDS[tracker]
         )
-        result = score_site(runner, site.name, recordings, settings)
+        tested = job.config.data.test
+        result = score_site(runner, site.name, recordings, settings, tested)
         content["scores"][tracker] = group_scores(result.scores, result.honesty)
         honesty = honesty_summary(result.honesty)
         content["breakdowns"][tracker] = breakdowns(result.scores) | {"honesty": honesty}
@@ -148,7 +155,11 @@ def _scores(
 
 
 def score_site(
-    runner: ModelRunner, site: str, recordings: Sequence[NamedRecording], settings: Settings
+    runner: ModelRunner,
+    site: str,
+    recordings: Sequence[NamedRecording],
+    settings: Settings,
+    tested: Sequence[str] = (),
 ) -> SampledEvaluation:
     """Score a model and the baselines on all recordings of a site, as ``mtpgo evaluate`` does.
 
@@ -157,13 +168,22 @@ def score_site(
         site: name of the site in the scores and the samples.
         recordings: of the site.
         settings: what is scored.
+        tested: names of recordings for the test: no calibration may be fitted to them, so their
+            predictions are no samples.
     """
     result = SampledEvaluation()
     for item in recordings:
+        result.keeps_samples = not item.is_named(tested)
         if len(item.recording):
             recording = dataclasses.replace(item.recording, location=site)
             evaluate_recording(result, {MODEL: runner}, recording, settings, name=item.name)
     return result
+
+
+def _sampled(item: NamedRecording) -> SampledRecording:
+    """Return what samples say of a recording that they are of."""
+    recording = item.recording
+    return SampledRecording(recording.name, item.source, recording.layout, recording.sha256)
 
 
 def _name(config: TrainingConfig, fold: Fold) -> str:

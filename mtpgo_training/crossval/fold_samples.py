@@ -18,8 +18,13 @@ from mtpgo_training.evaluation.scorer import ScoredPrediction, Scorer
 
 @dataclass
 class SampledEvaluation(Evaluation):
-    """Scores of one model, and what a calibration needs of its predictions."""
+    """Scores of one model, and what a calibration needs of its predictions.
 
+    Attributes:
+        keeps_samples: predictions are samples; false while recordings for the test are scored.
+    """
+
+    keeps_samples: bool = True
     _samples: list[CalibrationSamples] = field(default_factory=list)
 
     def add(
@@ -35,7 +40,7 @@ class SampledEvaluation(Evaluation):
         """Score a prediction and keep its samples, see :meth:`Evaluation.add`."""
         found = super().add(model, protocol, scorer, prediction, window, baselines=baselines)
         by_model = prediction.source[found.rows] == Source.MODEL
-        if window is None or not by_model.any():
+        if not self.keeps_samples or window is None or not by_model.any():
             return found
         rows = np.flatnonzero(found.rows)[by_model]
         truth = found.truth.select(by_model)

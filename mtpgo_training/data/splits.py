@@ -45,6 +45,10 @@ class NamedRecording:
         """``source/name``, unique among the recordings of a training."""
         return f"{self.source}/{self.recording.name}"
 
+    def is_named(self, names: Sequence[str]) -> bool:
+        """Return whether one of the names is its own, with its source or without."""
+        return self.name in names or self.recording.name in names
+
     @property
     def whole(self) -> str:
         """Name of the whole recording."""
@@ -287,7 +291,7 @@ def _check_weights(recordings: Sequence[NamedRecording], data: DataConfig) -> No
 def _find(recordings: Sequence[NamedRecording], names: Sequence[str], where: str) -> set[int]:
     found: set[int] = set()
     for name in names:
-        matches = {i for i, r in enumerate(recordings) if name in (r.name, r.recording.name)}
+        matches = {i for i, item in enumerate(recordings) if item.is_named((name,))}
         if not matches:
             raise ConfigurationError(
                 f"{where} names {name!r}, expected one of " + ", ".join(r.name for r in recordings)

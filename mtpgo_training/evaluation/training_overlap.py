@@ -9,12 +9,15 @@ from typing import Any
 
 from mtpgo_training.data.readers.recording_parts import share_time
 
-OVERLAPPING_USES = ("train", "validation")
+CALIBRATION = "calibration"
+"""Use of a recording that covariances and weights were calibrated on."""
+
+OVERLAPPING_USES = ("train", "validation", CALIBRATION)
 """Uses of a recording in training that make a score on it no test result."""
 
 
 def uses_of(training: Mapping[str, Any], sha256: str, name: str = "") -> list[str]:
-    """Return the uses of a recording in training: ``train``, ``validation``, ``test``, each once.
+    """Return the uses of a recording in training, each once: those that overlap, and ``test``.
 
     Args:
         training: the model's description of its training, ``TaskDescription.training``.
@@ -35,7 +38,7 @@ def uses_of(training: Mapping[str, Any], sha256: str, name: str = "") -> list[st
 
 
 def is_known(training: Mapping[str, Any], sha256: str, name: str = "") -> bool:
-    """Return whether a recording was used in training or in choosing its best state.
+    """Return whether a recording was used in training, in choosing its state or in calibrating.
 
     Args:
         training: as in :func:`uses_of`, as ``sha256`` and ``name``.
@@ -54,6 +57,7 @@ def overlap_warnings(overlaps: Mapping[str, Mapping[str, Sequence[str]]]) -> lis
     texts = {
         "train": "was trained on {}: its results include what it has memorised",
         "validation": "was chosen or calibrated on {}: its results there are a little too good",
+        CALIBRATION: "was calibrated on {}: its covariances fit there a little too well",
     }
     return [
         f"{model} {texts[use].format(', '.join(overlaps[model][use]))}"

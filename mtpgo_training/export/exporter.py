@@ -33,6 +33,7 @@ from mtpgo_training.calibration.calibration_report import (
     moving_scores,
 )
 from mtpgo_training.calibration.calibration_samples import CalibrationSamples
+from mtpgo_training.evaluation.training_overlap import CALIBRATION
 from mtpgo_training.export.model_calibration import (
     calibrated_metrics,
     check_coverage,
@@ -121,6 +122,11 @@ def export_runs(
     else:
         _require_same_output(samples, best.checkpoint)
         calibration = fit_calibration(samples, left_out=True)
+        used = [{**dataclasses.asdict(one), "split": CALIBRATION} for one in samples.recordings]
+        known = [*described.training["recordings"], *used]
+        described = dataclasses.replace(
+            described, training={**described.training, "recordings": known}
+        )
         if len(calibration.sites) > 1:
             left_out = leave_one_site_out(samples)
             table = calibration_table(samples, left_out)

@@ -13,6 +13,7 @@ from mtpgo_training.calibration.calibration_text import (
     moving_text,
 )
 from mtpgo_training.data.splits import USES
+from mtpgo_training.evaluation.training_overlap import CALIBRATION
 
 
 def _static_inputs(task: TaskDescription) -> str:
@@ -49,13 +50,14 @@ def model_text(task: TaskDescription) -> str:
         coverage = moving_text(models.get("model", {}).get("all", {}))
         if coverage:
             lines.append(f"coverage   {where}: {coverage}")
-    for use in USES:
+    for use in (*USES, CALIBRATION):
         names = [
             f"{r.get('source')}/{r.get('name')}"
             for r in training.get("recordings", [])
             if r.get("split") == use
         ]
-        lines.append(f"{use:<10} {', '.join(names) or '-'}")
+        if names or use in USES:
+            lines.append(f"{use:<11}{', '.join(names) or '-'}")
     candidates = training.get("chosen_from", [])
     if candidates:
         scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in candidates)

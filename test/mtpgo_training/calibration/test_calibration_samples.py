@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples for a calibration: from predictions, from files, with and without a calibration."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from calibration_sets import random_samples
@@ -12,6 +14,7 @@ from mtpgo_core.quality import metrics
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration
 from mtpgo_training.calibration.calibration_samples import (
     CalibrationSamples,
+    SampledRecording,
     load_samples,
     merge_samples,
 )
@@ -157,6 +160,18 @@ def test_samples_of_equal_sites_are_merged():
     assert merged.sites == ("a", "b", "c")
     assert merged.site.tolist() == [0, 0, 1, 1, 1, 1, 1, 2, 2, 2]
     np.testing.assert_array_equal(merged.distance[4:], two.distance)
+
+
+def test_samples_say_which_recordings_they_are_of(tmp_path):
+    one, two = (SampledRecording(name, "site", "ind", 64 * name) for name in "ab")
+    samples = dataclasses.replace(random_samples(1, n=4), recordings=(one, two))
+    samples.save(tmp_path / "calibration.npz")
+    found = CalibrationSamples.load(tmp_path / "calibration.npz")
+    assert found.recordings == (one, two)
+    other = dataclasses.replace(random_samples(2, n=2), recordings=(two,))
+    assert merge_samples([other, found.thinned(1)]).recordings == (two, one)
+    random_samples(1, n=4).save(tmp_path / "none.npz")
+    assert CalibrationSamples.load(tmp_path / "none.npz").recordings == ()
 
 
 def test_samples_of_models_with_another_horizon_are_not_merged():

@@ -62,7 +62,7 @@ def test_overlap_with_training_comes_before_other_warnings(runner):
     seen = next(r for r in runner.task.training["recordings"] if r["split"] == "train")
     result = BagResult(Evaluation(filled(), {"01": seen["sha256"]}), warnings=["a warning"])
     content = summarise(result, {"m": runner}, Settings())
-    assert content["seen"] == {"m": {"train": ["01"], "validation": []}}
+    assert content["seen"] == {"m": {"train": ["01"], "validation": [], "calibration": []}}
     first, last = content["warnings"]
     assert first.startswith("m was trained on 01")
     assert last == "a warning"

@@ -16,19 +16,23 @@ def test_overlap_with_training_is_always_reported():
             {"sha256": "a", "split": "train"},
             {"sha256": "a", "split": "test"},
             {"sha256": "b", "split": "validation"},
+            {"sha256": "b", "split": "calibration"},
             {"sha256": "c", "split": "test"},
+            {"sha256": "d", "split": "test"},
+            {"sha256": "d", "split": "calibration"},
             {"sha256": "", "split": "train"},
         ]
     }
     assert uses_of(training, "a") == ["train", "test"]
     assert uses_of(training, "") == []
     seen = overlap_by_model(
-        {"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": ""}
+        {"m": training}, {"01": "a", "02": "b", "03": "c", "04": "d", "05": "", "06": "e"}
     )
-    assert seen == {"m": {"train": ["01"], "validation": ["02"]}}
+    assert seen == {"m": {"train": ["01"], "validation": ["02"], "calibration": ["04"]}}
     warnings = overlap_warnings(seen)
     assert warnings[0].startswith("m was trained on 01")
     assert warnings[1].startswith("m was chosen or calibrated on 02")
+    assert warnings[2].startswith("m was calibrated on 04")
 
 
 def test_only_training_and_validation_make_a_recording_known():

@@ -18,6 +18,8 @@ from mtpgo_core.task.calibration import Calibration
 from mtpgo_training import cli
 from mtpgo_training.calibration.calibration_fit import LEVEL, WIDENED_LEVEL, fit_calibration
 from mtpgo_training.calibration.calibration_report import moving_scores
+from mtpgo_training.calibration.calibration_samples import SampledRecording
+from mtpgo_training.evaluation.training_overlap import uses_of
 from mtpgo_training.export.model_calibration import check_coverage
 from mtpgo_training.training.run_folder import RunFolder
 from mtpgo_training.training.training_config import TrainingConfig
@@ -125,12 +127,15 @@ def test_a_model_is_calibrated_on_left_out_sites(make_run, tmp_path, capsys):
         random_samples(seed, sites=(name,), n=2000, growth=6.0)
         for seed, name in ((2, "x"), (3, "y"))
     ]
+    recording = SampledRecording("01", "x", "ind", 64 * "a")
+    away[0] = dataclasses.replace(away[0], recordings=(recording,))
     for samples in away:
         samples.save(tmp_path / "folds" / samples.sites[0] / "calibration.npz")
     command = ["export", str(run), "-o", str(tmp_path / "m.pt"), "--calibration"]
     assert cli.main([*command, str(tmp_path / "folds")]) == 0
     task = load_task(tmp_path / "m.pt")
     assert task.calibration.left_out
+    assert uses_of(task.training, 64 * "a") == ["calibration"]
     assert [(site.name, site.agents) for site in task.calibration.sites] == [
         ("x", 2000),
         ("y", 2000),
