@@ -19,19 +19,31 @@ from mtpgo_core.schema import Float64Array
 from mtpgo_core.task.calibration import GROUPS
 from mtpgo_core.whole_file import read_regular, whole_file
 
-FORMAT = 3
+FORMAT = 4
 """Version of the file. In format 1 the factors of the 50 % ellipses were relative to a Gaussian,
-now they are relative to the model's file; format 2 had no path correction."""
+now they are relative to the model's file; format 2 had no path correction, and format 3 did not
+say what that was learned from."""
 
 KIND = "mtpgo live calibration"
 
-_LARGEST_BYTES = 1_000_000
-"""Larger files are not read; a file has some 80 kB, six times that with a horizon of 30 s."""
+_LARGEST_BYTES = 5_000_000
+"""Larger files are not read; a file has some 150 kB, 2 MB with a horizon of 1000 steps."""
 
 _BEGIN_BYTES = 100
 """Within so many bytes a file says its kind (bytes); chosen: its first key is ``kind``."""
 
 _SOURCES = ("model", "constant_velocity")
+
+_PATH_LIMITS = {
+    "coefficients": COEFFICIENT_LIMITS,
+    "belief": (0.0, 1.0),
+    "information": (-1e12, 1e12),
+}
+"""Smallest and largest value of what is stored of the path correction; those of the last one are
+chosen: far beyond what features of at most 100 add up to."""
+
+_LEAST_INFORMATION = 1e-3
+"""Least eigenvalue of it; chosen: below any ridge, far above what rounding changes."""
 
 
 def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
@@ -48,6 +60,8 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
     """
     _refuse_other_file(path)
     sigma, paths = np.exp(live.tracker.log_sigma), live.paths.equations.fit
+    # Symmetric but for the last bit, which rounding might make a hundredth.
+    information = 0.5 * (paths.information + np.swapaxes(paths.information, -1, -2))
     content = {
         "kind": KIND,
         "format": FORMAT,
@@ -69,6 +83,7 @@ def save(live: LiveCalibration, weights_sha256: str, path: Path) -> None:
             group: {
                 "coefficients": np.round(paths.coefficients[place], 5).tolist(),
                 "belief": np.round(paths.belief[place], 4).tolist(),
+                "information": np.round(information[place], 2).tolist(),
             }
             for place, group in enumerate(KINDS)
         },
@@ -109,13 +124,13 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         sigma = np.array(rows, dtype=np.float64).transpose(0, 2, 1, 3)
         preferred = content["served_by_constant_velocity"]
         unknown = set(preferred) - set(GROUPS)
-        read = {name: _of_groups(content["paths"], name) for name in ("coefficients", "belief")}
+        read = {name: _of_groups(content["paths"], name) for name in _PATH_LIMITS}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ConfigurationError(_damaged(path, str(error))) from error
     if sigma.shape != shape:
         raise ConfigurationError(_damaged(path, f"shape {sigma.shape}, expected {shape}"))
     expected = live.paths.equations.fit
-    for name, limits in (("coefficients", COEFFICIENT_LIMITS), ("belief", (0.0, 1.0))):
+    for name, limits in _PATH_LIMITS.items():
         values = read[name]
         if values.shape != getattr(expected, name).shape:
             told = f"{name} of paths with shape {values.shape}"
@@ -123,6 +138,8 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
         if not ((values >= limits[0]) & (values <= limits[1])).all():
             told = f"{name} of paths beyond {limits[0]:g} to {limits[1]:g}"
             raise ConfigurationError(_damaged(path, told))
+    if not _are_positive(read["information"]):
+        raise ConfigurationError(_damaged(path, "information of paths not positive definite"))
     low, high = SIGMA_LIMITS
     if not ((sigma >= low) & (sigma <= high)).all():
         raise ConfigurationError(_damaged(path, f"factors beyond {low:g} to {high:g}"))
@@ -132,6 +149,12 @@ def restore(live: LiveCalibration, weights_sha256: str, path: Path) -> bool:
     live.preference.constant_velocity = np.array([group in preferred for group in GROUPS])
     live.paths.equations.begin_with(PathFit.begun(**read))
     return True
+
+
+def _are_positive(matrices: Float64Array) -> bool:
+    """Return whether matrices [..., F, F] are symmetric and positive definite."""
+    symmetric = np.array_equal(matrices, np.swapaxes(matrices, -1, -2))
+    return symmetric and bool((np.linalg.eigvalsh(matrices) > _LEAST_INFORMATION).all())
 
 
 def _of_groups(found: dict[str, Any], name: str) -> Float64Array:

@@ -11,7 +11,6 @@ as its own earlier proposals were right (docs/design.md, "Path correction").
 from __future__ import annotations
 
 import dataclasses
-import functools
 import threading
 from collections import deque
 from dataclasses import dataclass
@@ -133,7 +132,7 @@ class PathCorrection:
         proposed = np.clip(fit.propose(kind, others, shares), -most, most)
         shift = np.repeat(proposed[:, None], some.weight.shape[1], axis=1)
         shift[:, 0] = proposal
-        shift = _as_curves(shift.shape[2]) @ (believed[:, None] * shift)
+        shift = fit.as_curves(kind, believed[:, None] * shift)
         # Beyond the limit at some step, the whole curve is made smaller, or it had a kink there.
         excess = (np.abs(shift) / most[:, None]).max(axis=2, keepdims=True)
         shift /= np.maximum(1.0, excess)
@@ -190,20 +189,9 @@ def _errors(paths: ServedPaths, outcomes: Outcomes) -> PathErrors:
         weight=np.full(len(row), paths.weight_s),
         features=paths.features.values[row],
         error=np.clip(error, -most, most),
+        sigma=paths.features.sigma[row, step],
         proposal=paths.proposal[row, step],
     )
-
-
-@functools.cache
-def _as_curves(steps: int) -> Float64Array:
-    """Return [H, H] that makes shifts at each step the nearest cubic that begins with 0.
-
-    Each step is learned by itself, and at first what is known ends at a step: without this paths
-    have kinks there. Relative to the time ahead, all steps count alike.
-    """
-    ahead = np.arange(1, steps + 1) / steps
-    basis = np.stack([np.ones(steps), ahead, ahead**2], axis=1)
-    return np.asarray(basis @ np.linalg.pinv(basis) * (ahead[:, None] / ahead))
 
 
 def _moved(prediction: Prediction, shift: Float64Array) -> Prediction:
@@ -211,5 +199,7 @@ def _moved(prediction: Prediction, shift: Float64Array) -> Prediction:
     drift = np.diff(shift, axis=2, prepend=0.0) / time_grid(prediction.time_s)[1]
     mean = prediction.mean + np.concatenate([shift, drift], axis=-1)
     yaw = motion_yaw(mean, prediction.initial_yaw)
-    stage = np.full(len(prediction), CalibrationStage.ONLINE_PATH, dtype=np.uint8)
+    stage = np.where(
+        shift.any(axis=(1, 2, 3)), CalibrationStage.ONLINE_PATH, prediction.calibration
+    ).astype(np.uint8)
     return dataclasses.replace(prediction, mean=mean, yaw=yaw, calibration=stage)

@@ -6,11 +6,14 @@ Recursive least squares with a ridge and exponential forgetting (Haykin, Adaptiv
 chapter on the recursive least-squares algorithm), one for each kind of road user, direction
 and step ahead. What remains of an error beside its proposal is limited (Huber, Robust estimation
 of a location parameter, 1964, there of residuals from a mean), so that no single road user has
-much influence. What would have been proposed earlier says how much of it is believed now.
+much influence. What was proposed earlier says how much of it is believed now, over all that is
+remembered and over the last moments, whichever is less: a tracker that is calibrated anew, or
+other traffic, must not be corrected by what was right before.
 """
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -20,7 +23,7 @@ import numpy as np
 
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_features import FEATURES, PARTS, part_steps
-from mtpgo_core.schema import AgentClass, ClassArray, Float64Array, IndexArray
+from mtpgo_core.schema import AgentClass, BoolArray, ClassArray, Float64Array, IndexArray
 from mtpgo_core.task.calibration import CLASS_GROUPS, MOTIONS, GroupArray
 
 KINDS = (*CLASS_GROUPS, "motorcycle")
@@ -43,6 +46,10 @@ _LARGEST_RESIDUAL = 2.0
 """What remains of an error counts as at most so many times the mean absolute residual of its kind,
 direction and step; chosen on left-out sites (docs/design.md, "Path correction")."""
 
+_LEAST_LIMIT = 0.5
+"""And as at least so many standard deviations of the model, or a limit that has become tiny in
+traffic that is easy to foresee would hide for minutes that the traffic is another one; chosen."""
+
 _LARGEST_SQUARE = 4.0
 """Squared length of the features beyond which an error counts less, in inverse proportion, as in a
 generalised M-estimator with Mallows' weights; chosen there, too."""
@@ -50,6 +57,13 @@ generalised M-estimator with Mallows' weights; chosen there, too."""
 _LEVERAGE_COUNTS = 3.0
 """How much the leverage of new features counts; chosen there, too: with 3, motorcycles among many
 bicycles are predicted as well as without a correction, and not 4 % worse."""
+
+_RECENT_S = 30.0
+"""Memory of the second belief (s); chosen: with 60 s, paths were worse than the model's for two
+minutes after velocities that were a tenth too large had become right, with this for one."""
+
+_RECENT_DOUBT_S = 5.0
+"""Seconds of proposals without effect from which it begins (s), at the first belief; chosen."""
 
 _SCALE_AFTER_S = 5.0
 """Seconds of one road user after which that mean is known well enough; chosen."""
@@ -80,6 +94,7 @@ class PathErrors:
         weight: [m] how long each stands for (s).
         features: [m, 2, F], see :class:`~mtpgo_core.live_calibration.path_features.PathFeatures`.
         error: [m, 2] truth minus path, along and across (m).
+        sigma: [m, 2] standard deviations of the path there (m).
         proposal: [m, 2] what was proposed for it when the path was served (m).
     """
 
@@ -88,6 +103,7 @@ class PathErrors:
     weight: Float64Array
     features: Float64Array
     error: Float64Array
+    sigma: Float64Array
     proposal: Float64Array
 
 
@@ -108,21 +124,28 @@ class PathFit:
     Attributes:
         coefficients: [kinds, 2, H, F] of the proposals.
         belief: [kinds, 2, H] share of the proposals that is applied, 0 to 1.
-        begin: those of the coefficients that were begun with.
-        inverse: [kinds, 2, parts, F, F] of the equations' matrices at the end of each of
-            :data:`~mtpgo_core.live_calibration.path_features.PARTS` of the horizon.
+        information: [kinds, 2, parts, F, F] the equations' matrices at the end of each of
+            :data:`~mtpgo_core.live_calibration.path_features.PARTS` of the horizon: what the
+            coefficients were learned from, before and after a restart.
+        curves: [kinds, 2, H, H] that make corrections of single steps a curve.
     """
 
     coefficients: Float64Array
     belief: Float64Array
-    begin: Float64Array
-    inverse: Float64Array
+    information: Float64Array
+    curves: Float64Array
 
     @classmethod
-    def begun(cls, coefficients: Float64Array, belief: Float64Array) -> PathFit:
-        """Return what is applied before anything is learned."""
-        inverse = np.zeros((*belief.shape[:2], len(PARTS), FEATURES, FEATURES))
-        return cls(coefficients, belief, coefficients, inverse)
+    def begun(
+        cls, coefficients: Float64Array, belief: Float64Array, information: Float64Array
+    ) -> PathFit:
+        """Return what is applied before anything more is learned."""
+        return cls(coefficients, belief, information, _curves(belief > 0.0))
+
+    @functools.cached_property
+    def _inverse(self) -> Float64Array:
+        """[kinds, 2, parts, F, F] inverses of the information."""
+        return np.asarray(np.linalg.inv(self.information))
 
     def shares(self, kind: IndexArray, features: Float64Array) -> Float64Array:
         """Return [n, H, 2] shares of what was learned that hold for features x.
@@ -140,7 +163,7 @@ class PathFit:
             rows = kind == one
             x = features[rows, axis]  # [r, F]
             # A matrix of all parts, so small that one thread computes the product.
-            wide = self.inverse[one, axis].transpose(1, 0, 2).reshape(FEATURES, -1)
+            wide = self._inverse[one, axis].transpose(1, 0, 2).reshape(FEATURES, -1)
             product = (x @ wide).reshape(len(x), len(PARTS), FEATURES)
             leverage[rows, :, axis] = (product * x[:, None]).sum(axis=2)
         part = np.searchsorted(part_steps(steps), np.arange(steps))
@@ -156,9 +179,16 @@ class PathFit:
             features: [n, 2, F].
             shares: [n, H, 2], see :meth:`shares`.
         """
-        begun = np.einsum("nakf,naf->nka", self.begin[kind], features)
-        learned = np.einsum("nakf,naf->nka", (self.coefficients - self.begin)[kind], features)
-        return begun + shares * learned
+        return shares * np.einsum("nakf,naf->nka", self.coefficients[kind], features)
+
+    def as_curves(self, kind: IndexArray, shift: Float64Array) -> Float64Array:
+        """Return [n, M, H, 2] corrections as smooth curves.
+
+        Args:
+            kind: [n] positions in :data:`KINDS`.
+            shift: [n, M, H, 2] of each step by itself (m).
+        """
+        return np.einsum("nahk,nmka->nmha", self.curves[kind], shift, optimize=True)
 
 
 class PathEquations:
@@ -177,11 +207,15 @@ class PathEquations:
     def __init__(self, options: LiveOptions, dt_s: float, steps: int) -> None:
         self.options = options
         shape = (len(KINDS), 2, steps)
-        self.fit = PathFit.begun(np.zeros((*shape, FEATURES)), np.zeros(shape))
+        ridge = np.broadcast_to(
+            options.path_ridge * np.eye(FEATURES), (*shape[:2], len(PARTS), FEATURES, FEATURES)
+        )
+        self.fit = PathFit.begun(np.zeros((*shape, FEATURES)), np.zeros(shape), ridge)
         self._begin = self.fit
         self._square = np.zeros((*shape, FEATURES, FEATURES))
         self._product = np.zeros((*shape, FEATURES))
         self._agreed, self._proposed = np.zeros(shape), np.zeros(shape)
+        self._agreed_now, self._proposed_now = np.zeros(shape), np.zeros(shape)
         self._residual, self._weight = np.zeros(shape), np.zeros(shape)
         self._doubted_m2 = (_DOUBTED_MPS * dt_s * np.arange(1, steps + 1)) ** 2
         self._since_fit_s = 0.0
@@ -202,6 +236,9 @@ class PathEquations:
             self._weight,
         ):
             sums *= kept
+        kept = math.exp(-seconds / min(_RECENT_S, self.options.memory_s))
+        for sums in (self._agreed_now, self._proposed_now):
+            sums *= kept
         self._since_fit_s += seconds
         if self._since_fit_s >= _FIT_EVERY_S:
             self._since_fit_s = 0.0
@@ -213,21 +250,25 @@ class PathEquations:
         square = self._square + ridge * np.eye(FEATURES)
         solution = np.linalg.solve(square, product[..., None])[..., 0]
         coefficients = np.clip(solution, *COEFFICIENT_LIMITS)
-        inverse = np.asarray(np.linalg.inv(square[:, :, part_steps(square.shape[2])]))
+        information = self._square[:, :, part_steps(square.shape[2])] + self._begin.information
         doubted = self.options.path_doubt * self._doubted_m2
         # Times this, the proposals so far would have had the smallest squared errors.
         agreed = self._agreed + doubted * self._begin.belief
         belief = np.clip(agreed / (self._proposed + doubted), 0.0, 1.0)
-        self.fit = PathFit(coefficients, belief, self._begin.coefficients, inverse)
+        doubted = _RECENT_DOUBT_S * self._doubted_m2
+        recent = (self._agreed_now + doubted * belief) / (self._proposed_now + doubted)
+        belief = np.minimum(belief, np.clip(recent, 0.0, 1.0))
+        curves = _curves((self._weight > 0.0) | (self._begin.belief > 0.0))
+        self.fit = PathFit(coefficients, belief, information, curves)
 
     def add(self, errors: PathErrors) -> None:
         """Add errors to the equations of their own kind and of ``any``."""
         if not len(errors.kind):
             return
         steps = self._product.shape[2]
-        own = errors.kind != ANY
-        row = np.concatenate([np.flatnonzero(own), np.arange(len(own))])
-        kind = np.concatenate([errors.kind[own], np.full(len(own), ANY)])
+        known = errors.kind != ANY
+        row = np.concatenate([np.flatnonzero(known), np.arange(len(known))])
+        kind = np.concatenate([errors.kind[known], np.full(len(known), ANY)])
         cell = kind * steps + errors.step[row]
         order = np.argsort(cell, kind="stable")
         row, cell = row[order], cell[order]
@@ -238,12 +279,16 @@ class PathEquations:
         y, weight = p + residual[row], np.repeat(errors.weight[row, None], 2, axis=1)
         # A road user whose features are large must not decide alone what they mean.
         counted = weight * np.minimum(1.0, _LARGEST_SQUARE / np.maximum((x**2).sum(axis=2), 1e-9))
+        # Proposals for cars say nothing of how right those for road users of no known class are.
+        own = (kind[order] == errors.kind[row])[:, None]
         weighted = counted[..., None] * x  # [r, 2, F]
         for sums, values in (
             (self._square, weighted[..., None] * x[..., None, :]),
             (self._product, weighted * y[..., None]),
-            (self._agreed, weight * y * p),
-            (self._proposed, weight * p * p),
+            (self._agreed, own * weight * y * p),
+            (self._proposed, own * weight * p * p),
+            (self._agreed_now, own * counted * errors.error[row] * p),
+            (self._proposed_now, own * counted * p * p),
             (self._residual, weight * np.abs(residual[row])),
             (self._weight, weight),
         ):
@@ -255,5 +300,26 @@ class PathEquations:
         cell = errors.kind, slice(None), errors.step
         known = self._weight[cell] > _SCALE_AFTER_S
         mean = self._residual[cell] / np.maximum(self._weight[cell], _SCALE_AFTER_S)
-        most = np.where(known, _LARGEST_RESIDUAL * mean, np.inf)
+        most = np.maximum(_LARGEST_RESIDUAL * mean, _LEAST_LIMIT * errors.sigma)
+        most = np.where(known, most, np.inf)
         return np.clip(residual, -most, most)
+
+
+def _curves(known: BoolArray) -> Float64Array:
+    """Return [..., H, H] that make corrections the nearest cubic that begins with 0.
+
+    Each step is learned by itself, and at first what is known ends at a step: without this paths
+    have kinks there. Steps that get no truth because observations are rare do not count, unless
+    they are farther ahead than all that is known. Relative to the time ahead, all steps count
+    alike.
+
+    Args:
+        known: [..., H] steps that something is known of.
+    """
+    steps = known.shape[-1]
+    ahead = np.arange(1, steps + 1) / steps
+    basis = np.stack([np.ones(steps), ahead, ahead**2], axis=1)  # [H, 3]
+    beyond = np.cumsum(known[..., ::-1], axis=-1)[..., ::-1] == 0
+    counted = (known | beyond).astype(np.float64)[..., None]
+    inverse = np.linalg.pinv(counted * basis) * np.swapaxes(counted, -1, -2)
+    return np.asarray(basis @ inverse * (ahead[:, None] / ahead))

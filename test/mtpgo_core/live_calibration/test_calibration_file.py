@@ -13,7 +13,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_equations import PathFit
 from mtpgo_core.live_calibration.path_features import FEATURES
-from mtpgo_core.task.task_description import HistoryConfig
+from mtpgo_core.task.task_description import LARGEST_STEPS, HistoryConfig
 
 WEIGHTS = "ab" * 32
 
@@ -29,8 +29,11 @@ def saved(live, tmp_path):
     live.tracker.log_sigma = rng.uniform(-1.0, 1.0, size=live.tracker.log_sigma.shape)
     live.preference.constant_velocity[1] = True
     paths = live.paths.equations.fit
+    factor = rng.normal(size=paths.information.shape)
     fit = PathFit.begun(
-        rng.normal(size=paths.coefficients.shape), rng.uniform(size=paths.belief.shape)
+        rng.normal(size=paths.coefficients.shape),
+        rng.uniform(size=paths.belief.shape),
+        100.0 * factor @ np.swapaxes(factor, -1, -2) + 3.0 * np.eye(FEATURES),
     )
     live.paths.equations.begin_with(fit)
     path = tmp_path / "calibration.json"
@@ -46,8 +49,23 @@ def test_what_was_learned_comes_back(live, saved):
     for name in ("coefficients", "belief"):
         found, expected = (getattr(o.paths.equations.fit, name) for o in (other, live))
         np.testing.assert_allclose(found, expected, atol=6e-5)
-    assert saved.stat().st_size < 100_000
+    found, expected = (o.paths.equations.fit.information for o in (other, live))
+    np.testing.assert_allclose(found, expected, atol=6e-3)
+    assert saved.stat().st_size < 200_000
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]  # no temporary files
+
+
+def test_the_longest_horizon_comes_back(tmp_path):
+    live, other = (
+        LiveCalibration(LiveOptions(), HistoryConfig(), LARGEST_STEPS) for _ in range(2)
+    )
+    fit = live.paths.equations.fit
+    rng = np.random.default_rng(0)
+    coefficients = rng.normal(size=fit.coefficients.shape)
+    belief = rng.uniform(size=fit.belief.shape)
+    live.paths.equations.begin_with(PathFit.begun(coefficients, belief, fit.information))
+    save(live, WEIGHTS, tmp_path / "calibration.json")
+    assert restore(other, WEIGHTS, tmp_path / "calibration.json")
 
 
 def test_no_file_yet_is_a_fresh_start(live, tmp_path):
@@ -85,11 +103,11 @@ def _path(name, value):
         (lambda text: "", "is damaged"),
         (lambda text: text[: len(text) // 2], "is damaged"),
         (lambda text: "[" * 100_000, "is damaged"),
-        (lambda text: text + " " * 1_000_000, "more than 1000000 bytes"),
+        (lambda text: text + " " * 5_000_000, "more than 5000000 bytes"),
         (lambda text: "\0" * 100, "is damaged"),
         (lambda text: "[]", "is no calibration file"),
         (lambda text: "{}", "is no calibration file"),
-        (_change(format=2), "has format 2, expected 3"),
+        (_change(format=3), "has format 3, expected 4"),
         (_change(weights_sha256="cd" * 32), "is of a model with weights cdcdcdcdcdcd"),
         (_change(weights_sha256=None), "is of a model with weights None"),
         (_change(levels=[0.5, 0.95]), "other levels"),
@@ -109,6 +127,9 @@ def _path(name, value):
         (_path("belief", "much"), "is damaged"),
         (_path("coefficients", [1e4] * FEATURES), "coefficients of paths beyond -1000 to 1000"),
         (_path("coefficients", [1.0]), "is damaged"),
+        (_path("information", [[0.0] * FEATURES] * FEATURES), "not positive definite"),
+        (_path("information", [[float("nan")] * FEATURES] * FEATURES), "information of paths"),
+        (_path("information", [1.0]), "is damaged"),
         (_first_factor("much"), "is damaged"),
         (_first_factor([1.0]), "is damaged"),
     ],

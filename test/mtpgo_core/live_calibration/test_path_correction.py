@@ -34,6 +34,7 @@ class Road:
         served, shipped: the last prediction as published and as the model gave it.
         by_model: which cars it predicts.
         speed: [cars] (m/s).
+        agent_class: [cars].
         first_number: of the identities.
         teleports: cars that jump to and fro.
     """
@@ -46,6 +47,7 @@ class Road:
         self.sigma_m = sigma_m
         self.by_model = np.ones(CARS, dtype=np.bool_)
         self.speed = np.full(CARS, SPEED_MPS)
+        self.agent_class = np.full(CARS, AgentClass.CAR, dtype=np.uint8)
         self.first_number, self.teleports, self.step = 0, [], 0
 
     @property
@@ -69,7 +71,7 @@ class Road:
             self.key,
             np.stack([x, np.zeros(CARS)], axis=1),
             velocity=np.stack([self.speed, np.zeros(CARS)], axis=1),
-            agent_class=np.full(CARS, AgentClass.CAR, dtype=np.uint8),
+            agent_class=self.agent_class,
         )
         self.live.observe(self.history, self.history.update(states))
 
@@ -177,6 +179,19 @@ def test_what_stands_and_what_the_model_does_not_predict_stays_as_it_is():
     assert moved.tolist() == [False] * 2 + [True] * 2 + [False] * 4
 
 
+def test_who_is_not_moved_is_not_called_corrected():
+    """Of pedestrians nothing is known yet, among cars of which much is."""
+    road = Road()
+    road.drive(30.0)
+    road.agent_class[0] = AgentClass.PEDESTRIAN
+    road.first_number += CARS
+    road.drive(0.2)
+    moved = np.abs(road.served.mean - road.shipped.mean).max(axis=(1, 2, 3)) > 0.0
+    assert moved.tolist() == [False] + [True] * (CARS - 1)
+    stage = np.where(moved, CalibrationStage.ONLINE_PATH, CalibrationStage.ONLINE)
+    np.testing.assert_array_equal(road.served.calibration, stage)
+
+
 def test_no_corrected_path_reverses():
     """Slow cars, on a road where all that was learned is that cars are slower by 2 m/s."""
     road = Road(drift_mps=0.2)
@@ -184,7 +199,8 @@ def test_no_corrected_path_reverses():
     fit = road.live.paths.equations.fit
     coefficients, belief = np.zeros_like(fit.coefficients), np.zeros_like(fit.belief)
     coefficients[:, ALONG, :, -1], belief[:, ALONG] = -2.0 * AHEAD_S, 1.0
-    road.live.paths.equations.begin_with(PathFit.begun(coefficients, belief))
+    information = np.broadcast_to(1e9 * np.eye(fit.coefficients.shape[-1]), fit.information.shape)
+    road.live.paths.equations.begin_with(PathFit.begun(coefficients, belief, information))
     served = road.drive(0.2)
     assert (served.mean[..., -1, 0] < road.shipped.mean[..., -1, 0] - 1.0).all()
     start = np.broadcast_to(served.initial[:, None, None, 0], (CARS, 2, 1))

@@ -12,6 +12,7 @@ from mtpgo_core.live_calibration.path_equations import (
     PathEquations,
     PathErrors,
     PathFit,
+    _curves,
     kinds,
 )
 from mtpgo_core.live_calibration.path_features import FEATURES
@@ -26,6 +27,17 @@ STEPS = 5
 @pytest.fixture
 def equations():
     return PathEquations(LiveOptions(), 0.2, STEPS)
+
+
+SIGMA_M = 5.0
+
+
+def begun(equations, coefficients, belief, information=1e9):
+    """What is begun with, learned from so much of all features alike."""
+    shape = equations.fit.information.shape
+    return PathFit.begun(
+        coefficients, belief, np.broadcast_to(information * np.eye(FEATURES), shape)
+    )
 
 
 def feed(equations, slope, *, seconds=120, kind=VEHICLE, agents=10, noise_m=0.0, seed=0):
@@ -45,6 +57,7 @@ def feed(equations, slope, *, seconds=120, kind=VEHICLE, agents=10, noise_m=0.0,
                     weight=np.ones(agents),
                     features=features,
                     error=(step + 1) * wanted + rng.normal(scale=noise_m, size=(agents, 2)),
+                    sigma=np.full((agents, 2), SIGMA_M),
                     proposal=proposal[:, step],
                 )
             )
@@ -112,7 +125,7 @@ def test_without_outcomes_what_was_learned_is_forgotten_towards_what_was_begun_w
 
     rng = np.random.default_rng(1)
     shape = equations.fit.coefficients.shape
-    begin = PathFit.begun(rng.normal(size=shape), rng.uniform(size=shape[:-1]))
+    begin = begun(equations, rng.normal(size=shape), rng.uniform(size=shape[:-1]))
     again = PathEquations(LiveOptions(), 0.2, STEPS)
     again.begin_with(begin)
     again.pass_time(1.0)
@@ -140,6 +153,7 @@ def test_nothing_to_learn_from_changes_nothing(equations):
             weight=np.empty(0),
             features=np.empty((0, 2, FEATURES)),
             error=np.empty((0, 2)),
+            sigma=np.empty((0, 2)),
             proposal=np.empty((0, 2)),
         )
     )
@@ -166,14 +180,84 @@ def test_what_was_learned_holds_less_for_features_unlike_those_it_was_learned_fr
     assert not equations.fit.propose(np.full(3, PEDESTRIAN), features, shares).any()
 
 
-def test_what_was_begun_with_holds_for_all_features(equations):
-    rng = np.random.default_rng(0)
-    shape = equations.fit.coefficients.shape
-    begin = PathFit.begun(rng.normal(size=shape), np.ones(shape[:-1]))
-    equations.begin_with(begin)
-    equations.pass_time(1.0)
-    features = 10.0 * rng.normal(size=(4, 2, FEATURES))
-    kind = np.array([VEHICLE, PEDESTRIAN, ANY, KINDS.index("motorcycle")])
-    shares = equations.fit.shares(kind, features)
-    expected = np.einsum("nakf,naf->nka", begin.coefficients[kind], features)
-    np.testing.assert_allclose(equations.fit.propose(kind, features, shares), expected)
+def test_what_was_begun_with_holds_for_features_like_those_it_was_learned_from(equations):
+    """As before a restart: the file has what it was learned from."""
+    feed(equations, 0.3)
+    before = equations.fit
+    again = PathEquations(LiveOptions(), 0.2, STEPS)
+    again.begin_with(PathFit.begun(before.coefficients, before.belief, before.information))
+    features = np.zeros((2, 2, FEATURES))
+    features[0, :, 0], features[1, :, 0] = 1.0, 100.0
+    kind = np.full(2, VEHICLE)
+    for fit in (again.fit, before):
+        shares = fit.shares(kind, features)
+        proposal = fit.propose(kind, features, shares)
+        expected = 0.3 * np.arange(1, STEPS + 1)
+        np.testing.assert_allclose(proposal[0, :, ALONG], expected, rtol=0.1)
+        assert (shares[1] < 0.6).all()
+    again.pass_time(1.0)
+    np.testing.assert_allclose(again.fit.shares(kind, features), shares, rtol=0.05)
+    np.testing.assert_allclose(again.fit.coefficients, before.coefficients, atol=1e-9)
+
+
+def exact(equations, seconds, error_m, noise_m=0.02, kind=VEHICLE):
+    """Road users with equal features and errors."""
+    rng = np.random.default_rng(1)
+    features = np.zeros((8, 2, FEATURES))
+    features[..., 0] = 1.0
+    kind = np.broadcast_to(kind, 8)
+    error = np.broadcast_to(error_m, 8)[:, None]
+    for _ in range(seconds):
+        fit = equations.fit
+        proposal = fit.propose(kind, features, fit.shares(kind, features))
+        for step in range(STEPS):
+            equations.add(
+                PathErrors(
+                    kind=kind,
+                    step=np.full(8, step),
+                    weight=np.ones(8),
+                    features=features,
+                    error=error + rng.normal(scale=noise_m, size=(8, 2)),
+                    sigma=np.full((8, 2), SIGMA_M),
+                    proposal=proposal[:, step],
+                )
+            )
+        equations.pass_time(1.0)
+    fit = equations.fit
+    proposal = fit.propose(kind, features, fit.shares(kind, features))
+    return (fit.belief[kind] * proposal.transpose(0, 2, 1))[:, ALONG]
+
+
+def test_what_is_right_no_more_is_soon_believed_no_more(equations):
+    """After twenty minutes of an error of a metre, as of a sensor, the paths are right."""
+    assert exact(equations, 1200, 1.0).min() > 0.9
+    assert np.abs(exact(equations, 60, 0.0)).max() < 0.3
+    assert np.abs(exact(equations, 120, 0.0)).max() < 0.1
+    assert exact(equations, 300, 1.0).min() > 0.7  # and it comes back
+
+
+def test_proposals_for_cars_say_nothing_of_road_users_of_no_known_class(equations):
+    kind = np.array([ANY, ANY, *[VEHICLE] * 6])
+    applied = exact(equations, 300, np.where(kind == ANY, 0.0, 3.0), kind=kind)
+    assert (applied[kind == VEHICLE] > 2.5).all()
+    assert np.abs(applied[kind == ANY]).max() < 0.5
+
+
+def test_steps_that_are_never_observed_follow_those_that_are():
+    """As with observations once a second; what lies beyond all that is known does not count."""
+    known = np.zeros(25, dtype=np.bool_)
+    known[[4, 9, 14]] = True
+    ahead = np.arange(1, 26) / 25
+    wanted = 0.5 * ahead - 0.3 * ahead**2
+    given = np.where(known, wanted, 0.0)
+    all_known, some, first = (
+        _curves(k) @ g
+        for k, g in (
+            (np.ones(25, dtype=np.bool_), wanted),
+            (known | (np.arange(25) == 24), np.where(np.arange(25) == 24, wanted, given)),
+            (known, given),
+        )
+    )
+    np.testing.assert_allclose(all_known, wanted, atol=1e-9)
+    np.testing.assert_allclose(some, wanted, atol=1e-9)
+    assert np.abs(first[20:]).max() < 0.2 * wanted.max()
