@@ -68,13 +68,15 @@ def test_a_model_is_small_and_carries_its_description(name: str):
     assert task.name == name
     assert task.training["licence"]
     assert "NGSIM" in task.training["attribution"]
-    uses = {"train": set(), "validation": set(), "test": set()}
+    uses = {"train": set(), "validation": set(), "test": set(), "calibration": set()}
     for recording in task.training["recordings"]:
         uses[recording["split"]].add(recording["sha256"])
     assert uses["train"]
     assert uses["validation"]
     assert uses["test"]
     assert not uses["train"] & (uses["validation"] | uses["test"])
+    assert not uses["calibration"] & uses["test"]
+    assert uses["calibration"] or name != "default"
     card = model_card(path)
     assert card is not None
     assert card.startswith(f"# Model card: `{name}`")
