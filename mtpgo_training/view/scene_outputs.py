@@ -30,11 +30,11 @@ def prepare_outputs(outputs: Mapping[str, Path]) -> None:
         ConfigurationError: a library is not installed, or a file cannot be written or is named as
             another kind of file.
     """
-    if "gif" in outputs:
-        require_suffix("--gif", outputs["gif"], _GIF_SUFFIXES)
     for name, path in outputs.items():
         for module in MODULES[name]:
             require_extra(module, f"--{name}")
+        if name == "gif":
+            require_suffix("--gif", path, _GIF_SUFFIXES)
         if path != Path():
             require_writable(path)
     if "mp4" in outputs:
