@@ -8,7 +8,8 @@ programs print it on stderr and exit with status 2; the node logs it, counts it 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 
 
 class MtpgoError(Exception):
@@ -50,6 +51,17 @@ def found_names(
     shown = [name if name.isprintable() and name else repr(name) for name in first]
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(shown) + more or none
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return the end of a sentence about an unknown name: the nearest known one, empty if none is.
+
+    Args:
+        name: what was given.
+        names: the known ones.
+    """
+    near = difflib.get_close_matches(name, list(names), n=1)
+    return f", did you mean {near[0]}?" if near else ""
 
 
 def reason_of(error: BaseException) -> str:

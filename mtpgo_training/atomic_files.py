@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,23 @@ def _fill(path: Path, temporary: Path) -> None:
 def is_new(path: Path) -> bool:
     """Return whether there is nothing at a path, or an empty folder."""
     return not path.exists() or (path.is_dir() and not any(path.iterdir()))
+
+
+def require_suffix(option: str, path: Path, suffixes: Sequence[str]) -> None:
+    """Check that an output is named as what is written into it.
+
+    Args:
+        option: names it on the command line.
+        path: the output.
+        suffixes: those that are allowed, in lower case.
+
+    Raises:
+        ConfigurationError: it has another suffix.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise ConfigurationError(
+            f"{option} is {path}, expected a file that ends in {' or '.join(suffixes)}"
+        )
 
 
 def require_writable(path: Path) -> None:

@@ -15,10 +15,10 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 from mtpgo_core.completion import complete, words_so_far
-from mtpgo_core.errors import MtpgoError, reason_of
+from mtpgo_core.errors import MtpgoError, did_you_mean, reason_of
 from mtpgo_core.versions import add_version
 
 COMMANDS = {
@@ -71,7 +71,28 @@ EXTRA_MODULES = {
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says where its help cannot be written, which argparse drops where there is no buffer."""
+    """Reports wrong arguments in one sentence instead of the whole usage.
+
+    It also says where its help cannot be written, which argparse drops where there is no buffer.
+
+    Attributes:
+        command: name of the subcommand that is called, None if there is none.
+    """
+
+    command: str | None = None
+
+    def error(self, message: str) -> NoReturn:
+        """Print one sentence about wrong arguments and exit with status 2."""
+        # What no parser knows is reported by the outermost one, whose help does not explain it.
+        name = self.prog if self.command is None else f"{self.prog} {self.command}"
+        self.exit(2, f"{name}: {' '.join(message.split())} (see {name} --help)\n")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            hint = did_you_mean(str(value), map(str, action.choices or ()))
+            raise argparse.ArgumentError(action, f"{error.message}{hint}") from error
 
     def _print_message(self, message: str, file: Any = None) -> None:
         stream = sys.stderr if file is None else file
@@ -88,6 +109,7 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="mtpgo", description="Multimodal trajectory prediction for traffic, offline."
     )
+    parser.command = command
     add_version(parser)
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, text in COMMANDS.items():

@@ -46,7 +46,7 @@ def run_executable(
     """
 
     def parser() -> ArgumentParser:
-        options = ArgumentParser(prog=name, description=description)
+        options = ArgumentParser(prog=name, description=description, parameters=True)
         add_end_with_parent(options)
         return options
 

@@ -10,31 +10,45 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from mtpgo_core.errors import reason_of
 from mtpgo_ros.parameters.unknown_parameters import nearest
 
+Problem = Callable[[str, Any], str]
+"""Returns a sentence about a value that a parameter cannot have, empty if it may."""
 
-def answer_every_request(node: Node) -> None:
+
+def _no_problem(name: str, value: Any) -> str:
+    return ""
+
+
+def answer_every_request(node: Node, problem: Problem = _no_problem) -> None:
     """Make the services that set parameters answer every request.
 
     rclpy raises an exception for a value of a type that there is not, and for whatever fails while
     a change takes effect, and then sends no answer, so that the client waits forever. A parameter
     that the node does not have is named.
+
+    Args:
+        node: the node.
+        problem: asked before rclpy, whose sentence on a wrong type does not name the parameter.
     """
     for service in node.services:
         callback = service.callback
         if service.srv_type is SetParameters:
-            service.callback = _each(node, callback)
+            service.callback = _each(node, problem, callback)
         elif service.srv_type is SetParametersAtomically:
-            service.callback = _together(node, callback)
+            service.callback = _together(node, problem, callback)
 
 
-def _each(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _each(
+    node: Node, problem: Problem, callback: Callable[[Any, Any], Any]
+) -> Callable[[Any, Any], Any]:
     def answered(request: Any, response: Any) -> Any:
         for parameter in request.parameters:
-            if unknown := _unknown(node, [parameter]):
-                response.results.append(unknown)
+            if unusable := _unusable(node, problem, [parameter]):
+                response.results.append(unusable)
                 continue
             one = SetParameters.Request(parameters=[parameter])
             try:
@@ -46,10 +60,12 @@ def _each(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any
     return answered
 
 
-def _together(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _together(
+    node: Node, problem: Problem, callback: Callable[[Any, Any], Any]
+) -> Callable[[Any, Any], Any]:
     def answered(request: Any, response: Any) -> Any:
-        if unknown := _unknown(node, request.parameters):
-            response.result = unknown
+        if unusable := _unusable(node, problem, request.parameters):
+            response.result = unusable
             return response
         try:
             return callback(request, response)
@@ -61,12 +77,21 @@ def _together(node: Node, callback: Callable[[Any, Any], Any]) -> Callable[[Any,
     return answered
 
 
-def _unknown(node: Node, parameters: Sequence[Any]) -> SetParametersResult | None:
-    """Return the answer about the first parameter that the node does not have, if any."""
+def _unusable(
+    node: Node, problem: Problem, parameters: Sequence[Any]
+) -> SetParametersResult | None:
+    """Return the answer about the first parameter that is unknown or cannot have its value."""
     for parameter in parameters:
         name = parameter.name
         if not node.has_parameter(name):
             reason = f"the node has no parameter {name:.200}{nearest(node, name)}"
+        else:
+            try:
+                value = Parameter.from_parameter_msg(parameter).value
+            except Exception:  # of a type that there is not: rclpy's answer follows
+                continue
+            reason = "" if value is None else problem(name, value)
+        if reason:
             return SetParametersResult(successful=False, reason=reason)
     return None
 

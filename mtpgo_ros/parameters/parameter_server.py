@@ -84,7 +84,7 @@ class ParameterServer(Generic[AnyParameters]):
         node.add_pre_set_parameters_callback(self._convert)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-        answer_every_request(node)
+        answer_every_request(node, self._wrong_type)
 
     def checked(self, values: Mapping[str, Any]) -> AnyParameters:
         """Return the present parameters with these values, which do not take effect.
@@ -132,6 +132,15 @@ class ParameterServer(Generic[AnyParameters]):
         if new != self.value:
             self.value = new
             self._on_change(new)
+
+    def _wrong_type(self, name: str, value: Any) -> str:
+        """Return a sentence about a value of another type, empty if it has the right one."""
+        try:
+            if name in self._fields:
+                _converted(self._fields[name], value)
+        except ConfigurationError as error:
+            return f"{error!s:.500}"
+        return ""
 
     def _convert(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Return the parameters with values of a related type converted to the declared one."""

@@ -429,7 +429,7 @@ def check(parameters: PredictorParameters) -> None:
     try:
         _ = parameters.lane_options
     except ConfigurationError as error:
-        raise ConfigurationError(f"parameter lane_file: {error}") from error
+        raise ConfigurationError(f"parameter {error}") from error  # it begins with the name
     if parameters.input_timeout < parameters.period_s:
         raise ConfigurationError(
             f"parameter input_timeout is {parameters.input_timeout:g} s, shorter than a period of"

@@ -8,12 +8,13 @@ for all nodes (under ``/**``), most of which other nodes have: those get a line 
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from collections.abc import Sequence
 
 from rclpy.node import Node
 from rclpy.parameter import parameter_dict_from_yaml_file
+
+from mtpgo_core.errors import did_you_mean
 
 _SHARED_KEYS = ("/**", "/*", "**", "*")
 """Keys of a parameter file that address nodes of any name."""
@@ -57,8 +58,7 @@ def report_unknown_parameters(node: Node, arguments: Sequence[str]) -> None:
 
 def nearest(node: Node, name: str) -> str:
     """Return the end of a sentence about a parameter that the node does not have: the nearest."""
-    near = difflib.get_close_matches(name, list(node._parameters), n=1)
-    return f", did you mean {near[0]}?" if near else _LIST
+    return did_you_mean(name, node._parameters) or _LIST
 
 
 def _shared_names(node: Node, arguments: Sequence[str]) -> set[str]:

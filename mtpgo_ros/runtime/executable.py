@@ -216,10 +216,18 @@ def answered(
 
 
 class ArgumentParser(argparse.ArgumentParser):
-    """Reports wrong arguments in one line instead of the whole usage; has ``--version``."""
+    """Reports wrong arguments in one line instead of the whole usage; has ``--version``.
 
-    def __init__(self, *args: Any, **options: Any) -> None:
+    Args:
+        args: of the parser of the standard library, like ``options``.
+        parameters: the program is a node whose settings are parameters of ROS, so that whatever
+            it does not know may be meant as one.
+        options: see ``args``.
+    """
+
+    def __init__(self, *args: Any, parameters: bool = False, **options: Any) -> None:
         super().__init__(*args, **options)
+        self._parameters = parameters
         add_version(self)
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -231,7 +239,17 @@ class ArgumentParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print ``message`` on stderr and exit with the status of bad input."""
-        self.exit(fail(self.prog, f"{message} (see {self.prog} --help)"))
+        hint = self._parameter_hint(message)
+        self.exit(fail(self.prog, f"{message}{hint} (see {self.prog} --help)"))
+
+    def _parameter_hint(self, message: str) -> str:
+        """Return how parameters are given, empty unless some may be among unknown arguments."""
+        unknown = message.removeprefix("unrecognized arguments: ")
+        given = next((word for word in unknown.split() if ":=" in word), None)
+        if unknown == message or (given is None and not self._parameters):
+            return ""
+        example = f"{self.prog} {ROS_ARGUMENTS} -p {given or 'NAME:=VALUE'}"
+        return f", parameters follow {ROS_ARGUMENTS}: {example}"
 
 
 def add_end_with_parent(parser: argparse.ArgumentParser) -> None:

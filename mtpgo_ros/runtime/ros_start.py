@@ -38,6 +38,9 @@ _LAST_DOMAIN = 232
 _IDLE_PASSES = 10
 """Passes without a handled message after which none is left: a pass may also run a timer."""
 
+_RULES = {"parameter override": "-p NAME:=VALUE", "remap": "-r OLD:=NEW"}
+"""What rcl calls rules on a command line, and their form."""
+
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the arguments without those after ``--ros-args``.
@@ -164,4 +167,12 @@ def _drain(executor: SingleThreadedExecutor, handled: Callable[[], int]) -> None
 def _first_sentence(error: Exception) -> str:
     """Return the reason without the positions in rcl's source that follow it."""
     text = str(error).partition(", at /")[0].removeprefix("Failed to parse ROS arguments: ")
+    for rule, expected in _RULES.items():
+        if f"parse {rule} rule: " in text:
+            given, _, reason = text.partition("rule: ")[2].rpartition(". Error: ")
+            # A lexeme is a number of rcl's parser, which says nothing to the user.
+            why = "" if "lexeme type" in reason else f": {reason}"
+            return f"{given or text}{why}, expected {expected}"
+        if f"No {rule} rule found" in text:
+            return f"nothing follows the last option, expected {expected}"
     return f"unknown {text}" if text.startswith("[") else text

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import require_writable
+from mtpgo_training.atomic_files import require_suffix, require_writable
 from mtpgo_training.commands.arguments.early_checks import (
     files_of_run,
     require_apart,
@@ -84,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
         if not path.exists():
             raise ConfigurationError(f"{path} does not exist, expected the result of a training")
     outputs = (("-o", args.output), ("--checkpoint", args.shipped_checkpoint))
+    require_suffix("-o", args.output, (".pt",))
     require_different(outputs)
     require_apart(outputs, [file for path in given for file in files_of_run(path)])
     for _, path in outputs:

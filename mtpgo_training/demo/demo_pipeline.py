@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shlex
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -165,8 +166,12 @@ def _write_page(bag: Path, path: Path) -> Path | None:
     from mtpgo_training.view.scene_outputs import write_outputs
     from mtpgo_training.view.view_source import ViewOptions, load_scene
 
+    def another(name: str) -> str:
+        words = ("mtpgo", "view", str(bag), "--recordings", name, "--html")
+        return f"to see another: {shlex.join(words)} FILE"
+
     try:
-        scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S))
+        scene = load_scene(DataSource(bag, "bag"), ViewOptions(longest_s=PAGE_S, another=another))
         for sentence in write_outputs(scene, {"html": path}):
             print(f"  {sentence}", flush=True)
     except MtpgoError as error:  # the scores are worth having without it

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mtpgo_training.reports.series import colour
+from mtpgo_training.reports.series import BASELINE_DASHES, DASHES, colour
 
 Json = dict[str, Any]
 
@@ -48,7 +48,7 @@ def line_style(content: Json, name: str) -> dict[str, Any]:
     return {
         "color": colour(content, name),
         "lw": 1.4 if baseline else 2.2,
-        "ls": (0, (4, 2)) if baseline else "-",
+        "ls": BASELINE_DASHES.get(name, DASHES) if baseline else "-",
         "label": name,
         "zorder": 3 if baseline else 4,
     }

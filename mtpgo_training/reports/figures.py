@@ -85,18 +85,24 @@ def save_figures(
 
 def _horizon(content: Json) -> Figure | None:
     figure, axes = new_axes()
-    tops = []
-    for name in series_names(content):
+    errors = {
+        name: numbers(content["by_horizon"][name][PROTOCOL]["displacement"])
+        for name in series_names(content)
+    }
+    # Constant acceleration may leave the axes at the top, so that the others can be read.
+    tops = [float(np.nanmax(error)) for name, error in errors.items() if name != "ca"]
+    top = 1.25 * max(tops, default=1.0)
+    for name, error in errors.items():
         rows = content["by_horizon"][name][PROTOCOL]
-        time, error = numbers(rows["time_s"]), numbers(rows["displacement"])
-        draw_line(axes, time, error, **line_style(content, name))
+        time, highest = numbers(rows["time_s"]), float(np.nanmax(error))
+        style = line_style(content, name)
+        if highest > top:
+            style["label"] += f" (goes beyond the top, to {highest:.1f} m)"
+        draw_line(axes, time, error, **style)
         low, high = numbers(rows["displacement_low"]), numbers(rows["displacement_high"])
         if np.isfinite(low).any() and name not in content["baselines"]:
             axes.fill_between(time, low, high, color=colour(content, name), alpha=0.13, lw=0)
-        if name != "ca":
-            tops.append(np.nanmax(error))
-    # Constant acceleration may leave the axes at the top, so that the others can be read.
-    axes.set(xlim=(0, None), ylim=(0, 1.25 * max(tops, default=1.0)))
+    axes.set(xlim=(0, None), ylim=(0, top))
     axes.set(xlabel="time ahead (s)", ylabel="displacement (m)")
     axes.set_title("Error over the horizon")
     axes.legend(loc="upper left")

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from mtpgo_core.schema import AgentClass, Float64Array
@@ -43,6 +43,9 @@ MIN_WIDTH_M, MARGIN_M, OTHERS_MARGIN_M = 80.0, np.array([12.0, 6.0]), 6.0
 """Least width of a panel, margins (x, y) around the road user in focus and its predictions, and
 margin in y around the other road users (m); chosen."""
 
+PATHS = "#9aa3ab"
+"""Colour of the paths of all road users, where there is no map."""
+
 PAST_S = 3.0
 """Length of the past that is drawn (s): the history of the models."""
 
@@ -57,7 +60,7 @@ def draw_picture(moments: Sequence[Moment], path: Path) -> None:
     scenes = [surroundings(moment, PAST_S) for moment in moments]
     windows = [_window(m, around) for m, around in zip(moments, scenes, strict=True)]
     spans = [upper - lower for lower, upper in windows]
-    width_in, gap_in, foot_in = 11.0, 0.34, 0.5
+    width_in, gap_in, foot_in = 11.0, 0.34, 0.7
     panels_in = [width_in * float(span[1] / span[0]) for span in spans]
     height_in = sum(panels_in) + len(moments) * gap_in + foot_in
     top_in = height_in
@@ -71,9 +74,9 @@ def draw_picture(moments: Sequence[Moment], path: Path) -> None:
             axes = figure.add_axes((0.0, top_in / height_in, 1.0, panel_in / height_in))
             _draw_moment(axes, moment, around, *window)
         figure.legend(
-            handles=_legend(),
+            handles=_legend(scenes),
             loc="lower center",
-            ncols=6,
+            ncols=4,
             frameon=False,
             bbox_to_anchor=(0.5, 0.0),
             handlelength=1.8,
@@ -133,7 +136,7 @@ def _draw_ground(axes: Any, around: LocalView) -> None:
         axes.add_collection(
             LineCollection(
                 around.paths,
-                colors="#9aa3ab",
+                colors=PATHS,
                 linewidths=9,
                 alpha=0.07,
                 zorder=1,
@@ -143,12 +146,16 @@ def _draw_ground(axes: Any, around: LocalView) -> None:
 
 
 def _draw_scale(axes: Any, lower: Float64Array, upper: Float64Array) -> None:
-    length = 10.0 if upper[0] - lower[0] < 130.0 else 20.0
-    x, y = lower[0] + 3.0 / 110.0 * (upper[0] - lower[0]), lower[1] + 0.025 * (upper[0] - lower[0])
+    width = float(upper[0] - lower[0])
+    length = 10.0 if width < 130.0 else 20.0
+    x, y = lower[0] + 3.0 / 110.0 * width, lower[1] + 0.025 * width
+    # Vehicles may be there: bar and text are read on a ground of their own.
+    corner, size = (x - 0.008 * width, y - 0.007 * width), (length + 0.016 * width, 0.031 * width)
+    axes.add_patch(Rectangle(corner, *size, facecolor=GROUND, alpha=0.88, lw=0, zorder=29))
     axes.plot([x, x + length], [y, y], color="#444444", lw=2.2, solid_capstyle="butt", zorder=30)
     axes.text(
         x + length / 2,
-        y + 0.006 * (upper[0] - lower[0]),
+        y + 0.006 * width,
         f"{length:.0f} m",
         ha="center",
         va="bottom",
@@ -172,7 +179,12 @@ def _title(moment: Moment, around: LocalView) -> str:
     )
 
 
-def _legend() -> list[Any]:
+def _legend(scenes: Sequence[LocalView]) -> list[Any]:
+    ground: list[Any] = []
+    if any(around.lanes for around in scenes):
+        ground.append(Line2D([], [], color=LANE, lw=1.1, label="lanes"))
+    if not all(around.lanes for around in scenes):
+        ground.append(Patch(facecolor=PATHS, alpha=0.35, label="paths of all, over the recording"))
     return [
         Patch(facecolor=FOCAL, edgecolor="#8a4a08", label="in focus, and its past 3 s"),
         Line2D([], [], color=PREDICTED, lw=2.2, label="predicted modes, by weight"),
@@ -189,4 +201,16 @@ def _legend() -> list[Any]:
         ),
         Line2D([], [], color=CV, lw=1.2, ls=(0, (5, 2)), marker="x", label="constant velocity"),
         Patch(facecolor=BODY, edgecolor="#5d6872", label="others"),
+        Line2D(
+            [],
+            [],
+            color=TRUTH,
+            lw=0.8,
+            ls=(0, (2.2, 1.4)),
+            marker="o",
+            ms=2.2,
+            alpha=0.55,
+            label="what others did",
+        ),
+        *ground,
     ]

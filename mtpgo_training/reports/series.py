@@ -13,6 +13,11 @@ Json = dict[str, Any]
 
 MODEL_COLOURS = ("#2a6fbb", "#e07b16", "#1f8a5f", "#8a4fb0", "#b8326b", "#4b5a66")
 BASELINE_COLOURS = {"cv": "#c0392b", "ca": "#a9adb1", "ctrv": "#7d8790"}
+BASELINE_DASHES: dict[str, Any] = {"ca": (0, (1, 1.3)), "ctrv": (0, (6, 2, 1, 2))}
+"""Line styles of baselines that differ from :data:`DASHES`: their greys are alike."""
+
+DASHES: Any = (0, (4, 2))
+"""Line style of a baseline."""
 
 PROTOCOL = "all"
 """The protocol of the figures and of the results by group."""

@@ -48,7 +48,7 @@ def write_animation(scene: ViewScene, path: Path, kind: str) -> None:
     period_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.1
     with replacing(path) as temporary:
         if kind == "gif":
-            write = _write_webp if path.suffix == ".webp" else _write_gif
+            write = _write_webp if path.suffix.lower() == ".webp" else _write_gif
             write(painter.pictures(), temporary, period_s)
         else:
             _write_film(painter.pictures(), temporary, period_s)

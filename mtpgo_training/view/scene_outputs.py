@@ -9,11 +9,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from mtpgo_core.errors import ConfigurationError
-from mtpgo_training.atomic_files import require_writable
+from mtpgo_training.atomic_files import require_suffix, require_writable
 from mtpgo_training.view.view_scene import ViewScene
 
 MODULES = {"html": (), "gif": ("matplotlib", "PIL"), "mp4": ("matplotlib",), "rerun": ("rerun",)}
 """Output -> modules of the extra `view` that it needs."""
+
+
+_GIF_SUFFIXES = (".gif", ".webp")
+"""What ``gif`` writes, by the name of the file."""
 
 
 def prepare_outputs(outputs: Mapping[str, Path]) -> None:
@@ -23,11 +27,14 @@ def prepare_outputs(outputs: Mapping[str, Path]) -> None:
         outputs: name -> file; for ``rerun`` an empty path opens its viewer.
 
     Raises:
-        ConfigurationError: a library is not installed, or a file cannot be written.
+        ConfigurationError: a library is not installed, or a file cannot be written or is named as
+            another kind of file.
     """
     for name, path in outputs.items():
         for module in MODULES[name]:
             require_extra(module, f"--{name}")
+        if name == "gif":
+            require_suffix("--gif", path, _GIF_SUFFIXES)
         if path != Path():
             require_writable(path)
     if "mp4" in outputs:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,10 @@ _LOOKED_AT = 20
 _log = logging.getLogger("mtpgo")
 
 
+def _by_option(name: str) -> str:
+    return "--recordings chooses"
+
+
 @dataclass(frozen=True)
 class ViewOptions:
     """What of a source is viewed.
@@ -51,6 +56,8 @@ class ViewOptions:
         start_s: begin, from the first frame (s), None for the first frame.
         end_s: end, from the first frame (s), None for the last frame, or ``longest_s``.
         longest_s: longest time that is viewed if no end is given (s), None for any.
+        another: returns how the user gets to see the recording of a name instead, as the end of
+            a sentence.
     """
 
     model: str | None = None
@@ -58,6 +65,7 @@ class ViewOptions:
     start_s: float | None = None
     end_s: float | None = None
     longest_s: float | None = None
+    another: Callable[[str], str] = _by_option
 
     def __post_init__(self) -> None:
         require_span(self.start_s, self.end_s)
@@ -83,7 +91,7 @@ def load_scene(source: DataSource, options: ViewOptions) -> ViewScene:
         topic = options.predictions_topic
         own = in_frame_of_predictions(source.directory, source.options, topic)
         source = source._replace(options=own)
-    recording = _one_recording(source)
+    recording = _one_recording(source, options)
     start_s, end_s = _span(recording, options)
     bag = _bag_of(source, recording.name)
     predictions: list[Prediction] = []
@@ -126,7 +134,7 @@ def _warn_of_other_frames(predictions: list[Prediction], frame_id: str) -> None:
         )
 
 
-def _one_recording(source: DataSource) -> Recording:
+def _one_recording(source: DataSource, options: ViewOptions) -> Recording:
     """Return the first recording of a source that has a road user, and say which others it has."""
     jobs = reading_jobs(*source)
     names = [name for job in jobs for name in job.names]
@@ -137,10 +145,11 @@ def _one_recording(source: DataSource) -> Recording:
         others = [r.name for r in found[1:]] + [n for j in jobs[number + 1 :] for n in j.names]
         if others:
             _log.warning(
-                "mtpgo: %s of %s is shown, and not %s; --recordings chooses",
+                "mtpgo: %s of %s is shown, and not %s; %s",
                 found[0].name,
                 source.directory,
                 found_names(others, 8),
+                options.another(others[0]),
             )
         return found[0]
     raise RecordingError(f"{source.directory}: no road user is in {', '.join(names)}")

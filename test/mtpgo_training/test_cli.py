@@ -62,11 +62,29 @@ def test_bad_input_is_one_line_and_status_2(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["convert"], ["convert", "--as", "x"]])
-def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("line", "begin", "end"),
+    [
+        ("", "mtpgo: the following arguments are required: COMMAND", ""),
+        ("xyz", "mtpgo: argument COMMAND: invalid choice: 'xyz'", "'view')"),
+        ("evalute", "mtpgo: argument COMMAND: invalid choice: ", ", did you mean evaluate?"),
+        ("convert", "mtpgo convert: the following arguments are required: layout, dir", ""),
+        ("data a --layout ind b", "mtpgo data: unrecognized arguments: b", ""),
+        ("evaluate --calibration onlin", "mtpgo evaluate: argument ", ", did you mean online?"),
+        ("benchmark nod", "mtpgo benchmark: argument KIND: ", ", did you mean node?"),
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_status_2(
+    capsys: pytest.CaptureFixture[str], line: str, begin: str, end: str
+) -> None:
     with pytest.raises(SystemExit) as stopped:
-        cli.main(arguments)
+        cli.main(line.split())
     assert stopped.value.code == 2
+    said = capsys.readouterr().err
+    program = begin.partition(":")[0]
+    assert said.startswith(begin)
+    assert said.endswith(f"{end} (see {program} --help)\n")
+    assert said.count("\n") == 1
 
 
 def test_interrupt_is_status_130(

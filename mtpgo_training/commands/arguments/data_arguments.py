@@ -180,6 +180,10 @@ def data_sources(
         else:
             (entries[-1] if entries else first)[name] = value
     if not entries and default is not None:
+        if any(layout != default.layout for layout in given):
+            raise ConfigurationError(
+                f"--layout {given[0]} is given without a directory of recordings"
+            )
         entries = [{"data": default.directory, "layout": default.layout} | first]
     if first and not entries:
         option = next(iter(first)).replace("_", "-")

@@ -102,17 +102,29 @@ def select_names(available: Sequence[str], names: Sequence[str] | None, where: P
     """
     if not names:
         return list(available)
-    chosen = []
+    chosen: list[str] = []
     for name in names:
-        same = [a for a in available if a == name]
-        if not same and name.isdigit():
-            same = [a for a in available if a.isdigit() and int(a) == int(name)]
+        same = _of_name(available, name)
+        several = [one.strip() for one in name.split(",") if one.strip()]
+        if not same and len(several) > 1 and all(_of_name(available, one) for one in several):
+            raise RecordingError(
+                f"{where} has no recording {name!r}, names are separated by blanks: "
+                f"{' '.join(several)}"
+            )
         if not same:
             raise RecordingError(
                 f"{where} has no recording {name!r}, it has {', '.join(available)}"
             )
         chosen += [a for a in same if a not in chosen]
     return chosen
+
+
+def _of_name(available: Sequence[str], name: str) -> list[str]:
+    """Return the recordings with a name, or with the same number."""
+    same = [a for a in available if a == name]
+    if not same and name.isdigit():
+        same = [a for a in available if a.isdigit() and int(a) == int(name)]
+    return same
 
 
 def find_drone_files(directory: Path, names: Sequence[str] | None = None) -> list[DroneFiles]:

@@ -16,9 +16,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mtpgo_core.errors import RecordingError
+from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.recording import Recording
 
 _NAME = re.compile(r"(?P<whole>.+)@(?P<start>\d+(?:\.\d+)?)-(?P<end>\d+(?:\.\d+)?)s")
+
+
+_ROUNDING_S = 0.5
+"""A part may end this much later than its recording without a warning (s); chosen: ends are often
+rounded to whole seconds."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,11 @@ def cut_parts(
                 raise RecordingError(
                     f"{where}, recording {recording.name}: no road user from {part.start_s:g} "
                     f"to {part.end_s:g} s, it lasts {recording.duration_s:g} s"
+                )
+            if _ROUNDING_S < part.end_s - recording.duration_s < math.inf:
+                remark(
+                    f"{where}, recording {recording.name}: the part up to {part.end_s:g} s ends "
+                    f"with the recording, at {recording.duration_s:g} s"
                 )
             yield cut
     if missing:

@@ -19,6 +19,9 @@ NOMINAL = "#8d949a"
 
 _MOTION = "moving"
 
+_LEAST_MARGIN = 0.05
+"""Least margin around shares; chosen: of one value its surroundings are seen."""
+
 
 def coverage_figure(content: Json) -> Figure | None:
     """Draw the 90 % coverage of moving road users over the horizon, None without any."""
@@ -71,6 +74,7 @@ def weights_figure(content: Json) -> Figure | None:
         return None
     figure, axes = new_axes()
     axes.plot([0, 1], [0, 1], color=NOMINAL, lw=1.0, zorder=2)
+    drawn = []
     for name, values in found.items():
         bins = values["weights"]["reliability"]
         weight, nearest = numbers(bins["weight"]), numbers(bins["nearest"])
@@ -79,11 +83,21 @@ def weights_figure(content: Json) -> Figure | None:
         area = 12.0 + 160.0 * numbers(bins["count"]) / max(bins["count"])
         colour = line_style(content, name)["color"]
         axes.scatter(weight[known], nearest[known], s=area[known], color=colour, zorder=5)
-    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="weight of a mode")
+        drawn += [weight[known], nearest[known]]
+    limits = _limits(np.concatenate(drawn))
+    axes.set(xlim=limits, ylim=limits, xlabel="weight of a mode")
     axes.set(ylabel="share in which it is the nearest")
     axes.set_title("Reliability of weights, moving road users")
+    axes.scatter([], [], s=60.0, color=NOMINAL, label="area: number of modes")
     axes.legend(loc="upper left")
     return figure
+
+
+def _limits(shares: np.ndarray) -> tuple[float, float]:
+    """Return limits for both axes of shares: weights of many modes are all small."""
+    low, high = float(shares.min()), float(shares.max())
+    margin = max(_LEAST_MARGIN, 0.2 * (high - low))
+    return max(0.0, low - margin), min(1.0, high + margin)
 
 
 def _moving(content: Json) -> dict[str, Json]:

@@ -14,7 +14,7 @@ from mtpgo_core.quality.metrics import MOVING_COVERAGE_KEY, TIMES_S
 from mtpgo_training.reports.figure_style import new_axes, numbers
 from mtpgo_training.reports.honesty.honesty_figures import NOMINAL
 from mtpgo_training.reports.honesty.live_scores import longest_window
-from mtpgo_training.reports.series import BASELINE_COLOURS, MODEL_COLOURS, draw_line
+from mtpgo_training.reports.series import BASELINE_COLOURS, DASHES, MODEL_COLOURS, draw_line
 
 Json = dict[str, Any]
 
@@ -41,7 +41,7 @@ def live_coverage_figure(live: Mapping[str, Sequence[Json]]) -> Figure | None:
             draw_line(axes, TIMES_S, inner, label="_", ls=":", **style)
     axes.set(xlim=(0, None), ylim=(0, 1.01), xlabel="time ahead (s)")
     axes.set(ylabel="share of truths inside")
-    axes.set_title("Live: in the 90 % (solid) and 50 % ellipse (dotted)")
+    axes.set_title("Live, moving: in the 90 % (solid), 50 % ellipse (dotted)")
     axes.legend(loc="lower left")
     return figure
 
@@ -60,10 +60,10 @@ def live_error_figure(live: Mapping[str, Sequence[Json]]) -> Figure | None:
         style = {"color": MODEL_COLOURS[i % len(MODEL_COLOURS)], "marker": "o", "ms": 4}
         draw_line(axes, TIMES_S, values, label=name, lw=2.2, **style)
         if name in constant:
-            draw_line(axes, TIMES_S, constant[name], label="_", ls=(0, (4, 2)), **style)
-    axes.plot([], [], color=BASELINE_COLOURS["ca"], ls=(0, (4, 2)), label="constant velocity")
+            draw_line(axes, TIMES_S, constant[name], label="_", ls=DASHES, **style)
+    axes.plot([], [], color=BASELINE_COLOURS["ca"], ls=DASHES, label="constant velocity")
     axes.set(xlim=(0, None), ylim=(0, None), xlabel="time ahead (s)", ylabel="ADE (m)")
-    axes.set_title("Live: error up to a time")
+    axes.set_title("Live: error of moving road users up to a time")
     axes.legend(loc="upper left")
     return figure
 

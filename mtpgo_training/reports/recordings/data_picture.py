@@ -100,11 +100,12 @@ def draw_data(summary: DataSummary, data: PictureData, path: Path) -> None:
             "road users by class, track colours",
             summary.classes,
             colours,
+            whole=True,
         )
         shares = {n.replace("_", " "): 100 * v for n, v in summary.manoeuvres.items()}
         _bars(panels["manoeuvre"], "over the next 5 s (%)", shares)
         defects = {item.kind: item.count for item in summary.defects}
-        _bars(panels["defect"], "defects", defects)
+        _bars(panels["defect"], "defects", defects, whole=True)
         with replacing(path) as temporary:
             figure.savefig(temporary, format="png", dpi=110)
 
@@ -127,8 +128,14 @@ def _time(axes: Any, summary: DataSummary) -> None:
 
 
 def _bars(
-    axes: Any, title: str, values: Mapping[str, float], colours: Sequence[str] = (_BAR,)
+    axes: Any,
+    title: str,
+    values: Mapping[str, float],
+    colours: Sequence[str] = (_BAR,),
+    *,
+    whole: bool = False,
 ) -> None:
+    """Draw bars by name, of whole numbers only if ``whole``."""
     names: Sequence[str] = list(values)
     axes.set(title=title)
     if not names:
@@ -136,5 +143,7 @@ def _bars(
         axes.set_axis_off()
         return
     axes.barh(names, [values[name] for name in names], color=colours)
+    if whole:
+        axes.locator_params(axis="x", integer=True)
     # From the top; few bars are not wider than many.
     axes.set_ylim(max(len(names), _LEAST_ROWS) - 0.5, -0.5)

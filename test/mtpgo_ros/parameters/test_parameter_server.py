@@ -5,6 +5,7 @@
 import dataclasses
 
 import pytest
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -65,6 +66,21 @@ def server():
         changes,
     )
     node.destroy_node()
+
+
+@pytest.mark.parametrize("kind", [SetParameters, SetParametersAtomically])
+def test_a_later_value_of_another_type_is_refused_with_name_and_value(server, kind):
+    node, parameters, _ = server
+    (service,) = [one for one in node.services if one.srv_type is kind]
+    for name, value, words in (
+        ("budget", "high", "parameter budget is 'high', expected a number"),
+        ("max_agents", 3.5, "parameter max_agents is 3.5, expected a whole number"),
+    ):
+        asked = kind.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        response = service.callback(asked, kind.Response())
+        result = response.results[0] if kind is SetParameters else response.result
+        assert (result.successful, result.reason) == (False, words)
+    assert parameters.value == PredictorParameters()
 
 
 def test_a_refused_set_changes_nothing(server):

@@ -49,6 +49,7 @@ def test_the_choices_are_those_that_the_adapters_offer():
         ({"class_map": "kitty"}, ["parameter class_map: ", "'kitty'", "'nuscenes'", "YAML file"]),
         ({"class_map": "y" * 5000}, ["parameter class_map: ", "neither a preset nor a file"]),
         ({"lane_file": "/dev/zero"}, ["parameter lane_file: ", "a pipe or a device"]),
+        ({"lane_offset": "1,2,3"}, ["parameter lane_offset is '1,2,3', expected x and y"]),
         ({"model_sha256": "abc"}, ["model_sha256", "'abc'", "64 digits"]),
         ({"ego_topic": "a b"}, ["ego_topic", "'a b'", "nav_msgs/Odometry"]),
         ({"ego_topic": "/é"}, ["ego_topic", "'/é'", "nav_msgs/Odometry"]),

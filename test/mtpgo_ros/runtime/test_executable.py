@@ -50,6 +50,21 @@ def test_wrong_arguments_are_one_line(capsys):
     assert capsys.readouterr().err == said
 
 
+@pytest.mark.parametrize(
+    ("line", "parameters", "example"),
+    [
+        ("-p rate:=5", True, "program --ros-args -p rate:=5"),
+        ("rate:=5", False, "program --ros-args -p rate:=5"),
+        ("--model default", True, "program --ros-args -p NAME:=VALUE"),
+    ],
+)
+def test_parameters_without_ros_args_are_told_where_they_belong(capsys, line, parameters, example):
+    with pytest.raises(SystemExit):
+        ArgumentParser(prog="program", parameters=parameters).parse_args(line.split())
+    said = f"unrecognized arguments: {line}, parameters follow --ros-args: {example} (see"
+    assert said in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_are_remembered(number):
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}

@@ -59,6 +59,20 @@ def test_ros_arguments_that_cannot_be_read_are_reported_in_a_sentence(arguments)
     assert "/src/" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("-p rate=5", "'-p rate=5', expected -p NAME:=VALUE"),
+        ("-p :=5", "'-p :=5': .+, expected -p NAME:=VALUE"),
+        ("-r a=b", "'-r a=b', expected -r OLD:=NEW"),
+        ("-p", "nothing follows the last option, expected -p NAME:=VALUE"),
+    ],
+)
+def test_parameters_and_remappings_are_told_their_form(line, sentence):
+    with pytest.raises(ConfigurationError, match=rf"^ROS arguments: {sentence}$"):
+        own_arguments(["--ros-args", *line.split()])
+
+
 @pytest.mark.parametrize("arguments", [["\udcff.mcap"], ["--ros-args", "-p", "model:=\udcff.pt"]])
 def test_arguments_in_another_encoding_are_reported_in_a_sentence(arguments):
     """Python has bytes that are no UTF-8 as halves of characters, which rclpy cannot take."""

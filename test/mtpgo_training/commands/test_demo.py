@@ -133,7 +133,7 @@ def test_bad_input_gives_one_line_and_status_2(folder, model, tmp_path, capsys, 
     for arguments, sentence in (
         ((str(folder), "--model", str(model)), "expected --layout with one of"),
         ((str(folder), "--layout", "none", "--model", str(model)), "'none' is unknown"),
-        ((*data, "--recordings", "01"), "trained on all 1 recordings"),
+        ((*data, "--recordings", "01"), "trained or chosen with all recordings given (01)"),
         ((*data, "-o", str(tmp_path / "taken")), "taken is a file, expected a folder"),
         ((*data[:3], "--model", "none"), "none"),
         ((*data, "-p", "rate:=0"), "--parameter is 'rate:=0', expected a rate above 0 Hz"),

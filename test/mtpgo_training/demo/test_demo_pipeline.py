@@ -58,6 +58,19 @@ def test_an_output_folder_that_cannot_be_made_is_an_error(tmp_path):
         demo_pipeline._make_folders(tmp_path / "file" / "out")
 
 
+def test_the_page_is_told_to_show_one_recording_with_the_way_to_another(
+    tmp_path, caplog, monkeypatch
+):
+    folder = tmp_path / "my predictions"
+    for name in ("a", "b"):
+        write_ind(make_recording(name, 2.0), folder)
+    monkeypatch.setattr(demo_pipeline, "DataSource", lambda bag, _: DataSource(bag, "ind"))
+    assert demo_pipeline._write_page(folder, tmp_path / "demo.html") is not None
+    (told,) = [said for said in caplog.messages if "is shown" in said]
+    command = f"mtpgo view '{folder}' --recordings b --html FILE"
+    assert told.endswith(f"and not b; to see another: {command}")
+
+
 def test_recordings_of_the_same_name_are_told_apart_by_their_folders(tmp_path):
     for folder, duration_s in (("a", 1.0), ("b", 1.2)):
         write_ind(make_recording("01", duration_s), tmp_path / folder)

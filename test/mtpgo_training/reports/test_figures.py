@@ -43,6 +43,16 @@ def test_without_covariances_there_is_no_figure_of_calibration():
 def test_constant_acceleration_does_not_determine_the_scale_of_the_errors():
     figure = figures._horizon(content_of({"m": 1.0, "cv": 2.0, "ca": 50.0}, None))
     assert figure.axes[0].get_ylim() == pytest.approx((0.0, 1.25 * 2.0))
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["m", "cv", "ca (goes beyond the top, to 50.0 m)"]
+
+
+def test_baselines_are_told_apart_by_their_line_styles():
+    figure = figures._horizon(content_of({"m": 1.0, "cv": 2.0, "ca": 2.1, "ctrv": 2.2}, None))
+    # The dashes as matplotlib was given them: it has no public way to ask for them.
+    assert len({str(line._unscaled_dash_pattern) for line in figure.axes[0].lines}) == 4
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["m", "cv", "ca", "ctrv"]
 
 
 def test_a_far_too_large_nees_is_cut_off():

@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of the report; the whole page is tested with the command."""
 
+import time
+
 import pytest
+from headless_browser import HeadlessBrowser, find_browser
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training.reports import page
-from mtpgo_training.reports.page import prepare_folder
+from mtpgo_training.reports.page import prepare_folder, render_page
+from mtpgo_training.table_format import Cell, Row, Table
 
 
 def test_the_folder_is_created_or_refused(tmp_path):
@@ -68,3 +72,42 @@ def test_the_facts_say_what_was_evaluated():
 
 def test_a_models_name_becomes_a_file_name():
     assert page._file_name("runs/my model-1.0_b") == "runs_my_model-1.0_b"
+
+
+WIDE = Table(
+    ["", *["95% 5s"] * 9, *["sigma (RMSE) 5s"] * 3, *["ratio 5s"] * 6, "agents"],
+    [Row("standing: default", ["0.524 (0.801)"] * 12 + ["-1.17"] * 6 + ["2958"], "#000000")],
+    heading="Coverage",
+)
+RESULTS = Table(
+    ["", *["minFDE m"] * 8, *["moving 90% 5s"] * 3, "agents", "ADE / cv"],
+    [Row("default", [Cell("0.774", "-0.65 to 1.93")] * 11 + ["5522", Cell("1.48", "1.1 to 1.7")])],
+    heading="Results",
+)
+HIDDEN = """(() => {
+  document.querySelectorAll("details").forEach(one => one.open = true);
+  const cards = [...document.querySelectorAll(".card")];
+  const ways = new Set(cards.map(one => getComputedStyle(one).overflowX));
+  return document.readyState + " " + cards.length + " " + [...ways] + " "
+    + cards.filter(one => one.scrollWidth > one.clientWidth).length;
+})()"""
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no Chromium or Chrome is installed")
+def test_no_column_of_a_wide_table_is_out_of_sight(tmp_path):
+    path = tmp_path / "index.html"
+    render_page(
+        path, title="t", subtitle="", tables=[RESULTS, WIDE], folded=[WIDE], figures={}, facts=[]
+    )
+    browser = HeadlessBrowser(tmp_path / "profile", (1200, 900))
+    try:
+        browser.call("Page.navigate", url=path.as_uri())
+        end = time.monotonic() + 60.0
+        found = ""
+        while not found.startswith("complete 5 ") and time.monotonic() < end:
+            time.sleep(0.1)
+            answer = browser.call("Runtime.evaluate", expression=HIDDEN, returnByValue=True)
+            found = answer["result"]["value"]
+    finally:
+        browser.close()
+    assert found == "complete 5 auto 0"

@@ -89,6 +89,15 @@ def test_predictions_in_another_frame_than_the_objects_are_told(recording, tmp_p
     assert "predictions are in the frame 'map' and the objects in 'odom'" in caplog.text
 
 
+def test_other_recordings_are_told_with_the_way_to_see_them(tmp_path, caplog, model):
+    for name in ("01", "02"):
+        write_ind(make_recording(name, 2.0), tmp_path)
+    load(tmp_path, "ind", model=str(model))
+    assert "is shown, and not 02; --recordings chooses" in caplog.text
+    load(tmp_path, "ind", model=str(model), another=lambda name: f"see {name} so")
+    assert "is shown, and not 02; see 02 so" in caplog.text
+
+
 def test_a_part_is_shown(bag, caplog):
     scene = load(bag, start_s=2.0, longest_s=3.0)
     assert scene.recording.duration_s == pytest.approx(3.0)

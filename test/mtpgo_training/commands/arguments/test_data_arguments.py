@@ -133,7 +133,9 @@ def test_a_directory_without_an_option_and_a_default():
     shipped = DataSource(C, "highd")
     assert parsed("", "[DIR]", shipped) == [shipped]
     assert parsed("--recordings 1", "[DIR]", shipped) == [DataSource(C, "highd", ("1",))]
-    assert parsed("--layout ind", "[DIR]", shipped) == [DataSource(C, "ind")]
+    assert parsed("--layout highd", "[DIR]", shipped) == [shipped]
+    with pytest.raises(ConfigurationError, match="--layout ind is given without a directory of r"):
+        parsed("--layout ind", "[DIR]", shipped)
     assert parsed("a --layout ind", "[DIR]", shipped) == [DataSource(A, "ind")]
     both = parsed("a --layout ind --data b --recordings 4", "[DIR]", shipped)
     assert both == [DataSource(A, "ind"), DataSource(B, "ind", ("4",))]

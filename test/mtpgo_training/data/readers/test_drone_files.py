@@ -32,6 +32,14 @@ def test_an_exact_name_comes_before_its_number(tmp_path):
 def test_a_name_that_is_not_there_is_reported_with_those_that_are(tmp_path):
     with pytest.raises(RecordingError, match="has no recording 'b', it has 01, 02, 10, a"):
         select_names(AVAILABLE, ["01", "b"], tmp_path)
+    with pytest.raises(RecordingError, match="has no recording '1,b', it has 01, 02, 10, a"):
+        select_names(AVAILABLE, ["1,b"], tmp_path)
+
+
+def test_names_with_commas_between_them_are_told_to_be_separated_by_blanks(tmp_path):
+    with pytest.raises(RecordingError, match="'1,a', names are separated by blanks: 1 a"):
+        select_names(AVAILABLE, ["1,a"], tmp_path)
+    assert select_names(["1,a", "1", "a"], ["1,a"], tmp_path) == ["1,a"]
 
 
 def test_recordings_are_found_by_their_tracks_sorted_by_name(tmp_path):

@@ -68,6 +68,14 @@ def test_a_missing_recording_is_reported_with_those_there_are():
         list(cut_parts([], parts, WHERE))
 
 
+def test_a_part_that_ends_long_after_its_recording_is_told(caplog):
+    found = list(cut_parts(recordings("01"), parts_in(["01@1-3s", "01@1-100s"]), WHERE))
+    assert [len(part) for part in found] == [len(found[0])] * 2
+    (told,) = caplog.messages
+    said = "somewhere, recording 01: the part up to 100 s ends with the recording, at 2.9 s"
+    assert told == f"mtpgo: {said}"
+
+
 def test_a_part_without_a_road_user_is_reported():
     parts = parts_in(["01@7-9s"])
     sentence = r"recording 01: no road user from 7 to 9 s, it lasts 2\.9 s"

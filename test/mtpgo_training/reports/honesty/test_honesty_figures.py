@@ -39,6 +39,17 @@ def test_weights_are_drawn_against_the_share_that_was_nearest():
     figure = weights_figure(honest_content())
     assert lines(figure)["m"] == [1.0, 0.0]
     assert "cv" not in lines(figure)
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["m", "area: number of modes"]
+
+
+def test_small_weights_fill_their_figure():
+    content = copy.deepcopy(honest_content())
+    honesty = content["honesty"]["m"]["all"]["by_motion"]["moving"]["weights"]
+    honesty["reliability"] = {"weight": [0.1, 0.2, None], "nearest": [0.1, 0.3, None]}
+    honesty["reliability"]["count"] = [5, 7, 0]
+    axes = weights_figure(content).axes[0]
+    assert axes.get_xlim() == axes.get_ylim() == pytest.approx((0.05, 0.35))
 
 
 def test_without_values_there_is_no_figure():

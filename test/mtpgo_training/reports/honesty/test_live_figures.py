@@ -34,6 +34,10 @@ def test_moving_groups_are_drawn_over_the_longest_window():
         ("_", [0.5] * 3),
         ("two-wheeler", [0.8] * 3),
     ]
+    for draw in (live_coverage_figure, live_error_figure):
+        assert (
+            "moving" in draw(live).axes[0].get_title(loc="left") + draw(live).axes[0].get_title()
+        )
     lines = drawn(live_error_figure(live))
     assert lines[:2] == [("vehicle", [0.5, 1.5, 2.5]), ("_", [0.75, 2.25, 3.75])]
     assert len(lines) == 4
