@@ -57,7 +57,7 @@ def model_text(task: TaskDescription) -> str:
             if r.get("split") == use
         ]
         if names or use in USES:
-            lines.append(f"{use:<11}{', '.join(names) or '-'}")
+            lines.append(f"{use:<10} {', '.join(names) or '-'}")
     candidates = training.get("chosen_from", [])
     if candidates:
         scores = ", ".join(f"{r['validation_ade_m']:.3f} m (seed {r['seed']})" for r in candidates)
