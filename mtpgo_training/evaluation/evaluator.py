@@ -124,6 +124,8 @@ class Evaluation:
         recordings: name in the scores -> SHA-256 of its sources.
         online: scores of the models with the online calibration beside that of their files; each
             recording starts with the latter.
+        shipped: scores of the same predictions with the calibration of their files, of which
+            ``scores`` may hold more.
         scenes: the best and worst scenes of those models for which an entry was made before.
         rounded: name in the scores -> time between two scored instants (s), of the recordings
             whose frames do not have the stride that was asked for.
@@ -135,6 +137,7 @@ class Evaluation:
     recordings: dict[str, str] = field(default_factory=dict)
     honesty: HonestyTable = field(default_factory=HonestyTable)
     online: ScoreTable = field(default_factory=ScoreTable)
+    shipped: ScoreTable = field(default_factory=ScoreTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
     rounded: dict[str, float] = field(default_factory=dict)
     laneless: dict[str, list[str]] = field(default_factory=dict)
@@ -176,8 +179,18 @@ class Evaluation:
             scenes.update(scorer, prediction, found, reference.cv_ade)
         return found
 
-    def add_online(self, model: str, scorer: Scorer, prediction: Prediction) -> None:
-        """Score a prediction of the protocol ``all`` with the online calibration."""
+    def add_online(
+        self, model: str, scorer: Scorer, prediction: Prediction, shipped: ScoredPrediction
+    ) -> None:
+        """Score a prediction of the protocol ``all`` with the online calibration.
+
+        Args:
+            model: name of the model.
+            scorer: of the recording.
+            prediction: with the online calibration.
+            shipped: scores of the same prediction with the calibration of the model's file.
+        """
+        self.shipped.add(model, "all", shipped.scores, shipped.truth.agents)
         found = scorer.score(prediction)
         self.online.add(model, "all", found.scores, found.truth.agents)
 
@@ -246,6 +259,7 @@ class Evaluation:
         self.scores.merge(other.scores)
         self.honesty.merge(other.honesty)
         self.online.merge(other.online)
+        self.shipped.merge(other.shipped)
         self.recordings.update(other.recordings)
         self.rounded.update(other.rounded)
         for model, names in other.laneless.items():
@@ -377,10 +391,12 @@ def evaluate_recording(
                 prediction = live[model, protocol].serve(prediction, window)
                 if not len(prediction):
                     continue
-                result.add(model, protocol, scorer, prediction, window, baselines=model == first)
+                found = result.add(
+                    model, protocol, scorer, prediction, window, baselines=model == first
+                )
                 if protocol == "all" and model in online:
                     served = online[model].serve(prediction, window)
-                    result.add_online(model, scorer, served)
+                    result.add_online(model, scorer, served, found)
     result.honesty.finish()
 
 

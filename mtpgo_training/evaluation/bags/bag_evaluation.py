@@ -322,6 +322,6 @@ class _RecordingEvaluation:
                 agreement.add(from_horizon_start(recorded), same, self.recording, self.name)
                 if not (first and len(own)):
                     continue
-                result.evaluation.add(model, PROTOCOL, scorer, own)
+                found = result.evaluation.add(model, PROTOCOL, scorer, own)
                 if with_online:
-                    result.evaluation.add_online(model, scorer, online)
+                    result.evaluation.add_online(model, scorer, online, found)
