@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -324,6 +325,7 @@ def evaluate_recording(
     settings: Settings,
     *,
     name: str | None = None,
+    site: str | None = None,
     tick: Callable[[], object] = lambda: None,
 ) -> None:
     """Score models and baselines on one recording.
@@ -334,6 +336,7 @@ def evaluate_recording(
         recording: what they are scored on.
         settings: see :class:`Settings`.
         name: of the recording in the result, its own by default.
+        site: of the recording in the result, its location by default.
         tick: called after each frame.
     """
     name = recording.name if name is None else name
@@ -352,6 +355,7 @@ def evaluate_recording(
             max_gap_s=history.max_gap_s,
             min_future_s=settings.min_future_s,
             name=name,
+            site=site,
             kde_samples=settings.kde_samples,
         )
         predictors = {
@@ -477,6 +481,7 @@ def evaluate_all(
     recordings: Iterable[tuple[str, Recording]],
     settings: Settings,
     *,
+    sites: Mapping[str, str] = MappingProxyType({}),
     draw: Sequence[str] = (),
     progress: Callable[[str, int], Callable[[], object]] = lambda name, frames: lambda: None,
 ) -> Evaluation:
@@ -486,6 +491,7 @@ def evaluate_all(
         runners: models by name.
         recordings: names and recordings, taken one after the other.
         settings: see :class:`Settings`.
+        sites: name of a recording -> its site, its location where none is given.
         draw: models whose best and worst scenes are kept for a picture.
         progress: called with each recording's name and number of steps; returns a function that is
             called after each step.
@@ -494,7 +500,8 @@ def evaluate_all(
     histories = max(1, len(_same_history(runners)))
     for name, recording in recordings:
         tick = progress(name, histories * len(recording.frames))
-        evaluate_recording(result, runners, recording, settings, name=name, tick=tick)
+        site = sites.get(name)
+        evaluate_recording(result, runners, recording, settings, name=name, site=site, tick=tick)
     return result
 
 

@@ -97,20 +97,6 @@ class ScoredBaselines:
             table.add(name, protocol, scores, self.truth.agents)
 
 
-def site_of(recording: Recording, name: str) -> str:
-    """Return the site of a recording: its location, ``FOLDER/LOCATION`` among several folders.
-
-    Data sets number their locations from 0 or 1, each for itself.
-
-    Args:
-        recording: the recording.
-        name: by which it is known, ``FOLDER/NAME`` among several folders.
-    """
-    folder = name.removesuffix(f"/{recording.name}")
-    within = "" if folder == name else folder
-    return "/".join(filter(None, (within, recording.location)))
-
-
 class Scorer:
     """Scores predictions on one recording, in any order.
 
@@ -118,8 +104,8 @@ class Scorer:
         recording: what happened.
         max_gap_s: longest gap within a track that is bridged (s).
         min_future_s: agents observed for a shorter time afterwards are left out (s).
-        name: of the recording in the table, its own by default; the site follows from it, see
-            :func:`site_of`.
+        name: of the recording in the table, its own by default.
+        site: of the recording in the table, its location by default.
         kde_samples: see :func:`.scores.agent_scores.score_agents`.
     """
 
@@ -130,12 +116,13 @@ class Scorer:
         max_gap_s: float = 0.5,
         min_future_s: float = 0.0,
         name: str | None = None,
+        site: str | None = None,
         kde_samples: int = 0,
     ) -> None:
         self._kde_samples = kde_samples
         self.recording = recording
         self.name = recording.name if name is None else name
-        self.site = site_of(recording, self.name)
+        self.site = recording.location if site is None else site
         self._future = FutureTable(recording, max_gap_s=max_gap_s)
         self._min_future_s = min_future_s
 

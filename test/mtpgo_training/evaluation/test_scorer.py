@@ -13,7 +13,7 @@ from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import with_time_origin
 from mtpgo_core.task.task_description import HistoryConfig
 from mtpgo_training.data.ground_truth import FutureTable
-from mtpgo_training.evaluation.scorer import Scorer, add_scores, site_of
+from mtpgo_training.evaluation.scorer import Scorer, add_scores
 from mtpgo_training.evaluation.scores.agent_scores import KEYS
 from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.scenes.history_replay import replay
@@ -46,21 +46,6 @@ def test_constant_velocity_scores_as_the_baseline():
     for key in KEYS:
         assert scores["model"][key] == pytest.approx(scores["cv"][key], abs=1e-9)
     assert scores["model"]["n"] == scores["cv"]["n"] > 30
-
-
-@pytest.mark.parametrize(
-    ("name", "location", "site"),
-    [
-        ("01", "2", "2"),
-        ("01", "", ""),
-        ("a/01", "2", "a/2"),
-        ("a/01", "", "a"),
-        ("another", "2", "2"),
-    ],
-)
-def test_the_site_is_the_location_after_the_folder_if_there_is_one(name, location, site):
-    recording = dataclasses.replace(braking_cars("01", tracks=2, seconds=2.0), location=location)
-    assert site_of(recording, name) == Scorer(recording, name=name).site == site
 
 
 def test_scores_equal_a_loop_over_agents():

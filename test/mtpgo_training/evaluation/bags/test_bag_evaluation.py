@@ -76,6 +76,17 @@ def test_recorded_paths_begin_where_the_road_users_were(tmp_path):
     assert straight["feasibility"]["reverses"] == straight["feasibility"]["overlaps"] == 0.0
 
 
+def test_recordings_of_bags_have_the_site_that_is_given(tmp_path):
+    recording = make_recording(duration_s=8.0)
+    bag = written(
+        tmp_path / "bag", recording, lambda number: (perfect_prediction(recording, number),)
+    )
+    for sites, expected in (({}, recording.location), ({"a/made": "a/1"}, "a/1")):
+        result = evaluate_bags([bag], {"a/made": recording}, {}, sites=sites)
+        found = honesty_summary(result.evaluation.honesty)["bag"]["all"]["by_site_and_motion"]
+        assert {name.rsplit(", ", 1)[0] for name in found} == {expected}
+
+
 def test_a_node_may_publish_fewer_modes_where_there_are_many_road_users(tmp_path):
     recording = make_recording(duration_s=8.0)
 
