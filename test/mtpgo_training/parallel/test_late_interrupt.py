@@ -2,11 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Interrupts that wait for the end of a block."""
 
+import contextlib
 import signal
+from dataclasses import dataclass
 
 import pytest
 
+from mtpgo_training.parallel import work_pool
 from mtpgo_training.parallel.late_interrupt import interrupt_afterwards
+from mtpgo_training.parallel.pool_options import PoolOptions
+
+
+@dataclass(frozen=True)
+class Item:
+    """Something to work on."""
+
+    name: str
 
 
 @pytest.fixture(autouse=True)
@@ -46,3 +57,24 @@ def test_a_handler_of_others_is_kept():
     with interrupt_afterwards():
         signal.raise_signal(signal.SIGINT)
         assert seen == [True]
+
+
+@pytest.mark.usefixtures("handler")
+def test_an_interrupt_while_processes_start_closes_them_when_they_have(monkeypatch):
+    pytest.importorskip("distributed")
+    seen = []
+
+    @contextlib.contextmanager
+    def processes(number):
+        signal.raise_signal(signal.SIGINT)
+        seen.append(f"{number} started")
+        try:
+            yield None
+        finally:
+            seen.append("closed")
+
+    monkeypatch.setattr(work_pool, "_processes", processes)
+    monkeypatch.setattr("distributed.Client", contextlib.nullcontext)
+    with pytest.raises(KeyboardInterrupt):
+        next(work_pool.work_through(str, [Item("a"), Item("b")], PoolOptions(jobs=2)))
+    assert seen == ["2 started", "closed"]
