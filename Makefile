@@ -137,7 +137,7 @@ $(SIMULATED)/.roundabouts: SIMULATE := roundabouts --count 8 --seconds 120 --see
 $(SIMULATED)/.crowd: SIMULATE := crowd --count 4 --seconds 120 --seed 1
 $(SIMULATED)/.ramps: SIMULATE := ramps --count 8 --seconds 120 --seed 1
 $(SIMULATED)/.%: | $(STAMP)
-	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*"
+	@$(BIN)/mtpgo simulate $(SIMULATE) -o "$(SIMULATED)/$*" --overwrite
 	@touch $@
 
 docs: $(STAMP) ## build the documentation site in build/site

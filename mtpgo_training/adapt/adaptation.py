@@ -68,7 +68,9 @@ class Adaptation:
         after: scores of the adapted model, whose calibration was fitted to other data.
         share: how much of the change of the weights was kept.
         epochs: completed epochs.
-        best_epoch: epoch whose weights were taken, counted from 1; 0 for those within the first.
+        wanted_epochs: most epochs that were asked for, more than fit into a short time.
+        best_epoch: epoch whose weights were taken, counted from 1 and one more than ``epochs`` for
+            those within the last, which was not completed; 0 for those within the first.
         train_minutes: duration of the recordings it was trained on (min).
         train_recordings: number of these recordings or parts of recordings.
         train_agents: number of road users in them.
@@ -80,6 +82,7 @@ class Adaptation:
     after: SiteScores
     share: float
     epochs: int
+    wanted_epochs: int
     best_epoch: int
     train_minutes: float
     train_recordings: int
@@ -190,7 +193,8 @@ def adapt(
         after,
         share,
         run.state.epoch,
-        run.state.best_epoch,
+        options.epochs,
+        run.state.best_epoch if run.state.epoch else 0,
         sum(recording.duration_s for recording in trained) / 60.0,
         len(trained),
         sum(len(recording.track_id) for recording in trained),

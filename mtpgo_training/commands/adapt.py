@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
             require_writable(path)
     # Imported here: torch and Fabric take seconds to load, and the parser does not need them.
     from mtpgo_training.adapt.adapt_options import AdaptOptions
-    from mtpgo_training.adapt.adapt_report import report_text, require_better
+    from mtpgo_training.adapt.adapt_report import coverage_warning, report_text, require_better
     from mtpgo_training.adapt.adaptation import adapt
     from mtpgo_training.data.data_sources import read_all
     from mtpgo_training.export.exporter import describe, export_model, load_model
@@ -136,9 +136,12 @@ def run(args: argparse.Namespace) -> int:
     if not args.force:
         require_better(adaptation)
     checkpoint = adaptation.checkpoint
-    warning = check_coverage(checkpoint["metrics"], force=args.force)
-    if warning:
-        print(f"mtpgo: warning: {warning}", file=sys.stderr)
+    for warning in (
+        check_coverage(checkpoint["metrics"], force=args.force),
+        coverage_warning(adaptation),
+    ):
+        if warning:
+            print(f"mtpgo: warning: {warning}", file=sys.stderr)
     task = dataclasses.replace(describe(checkpoint), calibration=own_calibration(checkpoint))
     task = export_model(load_model(checkpoint), task, args.output)
     if args.checkpoint is not None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import signal
+import sys
 from pathlib import Path
 
 from mtpgo_core.completion import completed_by
@@ -231,8 +232,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_results(content: dict[str, object], *, manoeuvres: bool, since_start: bool) -> None:
-    from mtpgo_training.crossval.crossval_tables import NOTE, scores_table, trainings_table
+    from mtpgo_training.crossval.crossval_tables import (
+        NOTE,
+        scores_table,
+        trainings_table,
+        unscored_sites,
+    )
 
+    for sentence in unscored_sites(content):
+        print(f"mtpgo: warning: {sentence}", file=sys.stderr)
     print(f"\n{to_text(trainings_table(content))}\n")
     trackers = content["mean_of_sites"]
     assert isinstance(trackers, dict)

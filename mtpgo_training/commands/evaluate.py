@@ -47,7 +47,7 @@ from mtpgo_training.commands.arguments.pool_arguments import (
     failures_text,
     pool_from,
 )
-from mtpgo_training.data.data_sources import SourceJob, named_recordings
+from mtpgo_training.data.data_sources import SourceJob, named_recordings, site_of
 from mtpgo_training.data.readers.reading_options import AS_USUAL
 from mtpgo_training.parallel.fork_server import start_fork_server
 from mtpgo_training.scenes.tracker.tracker_config import OBSERVATIONS, RECORDED, SIMULATED
@@ -515,16 +515,18 @@ def _from_bags(
 ) -> BagResult:
     from mtpgo_training.evaluation.bags.bag_evaluation import evaluate_bags, observed_recordings
 
-    with_data = _with_data(args)
+    with_data, sites = _with_data(args), {}
     reading = AS_USUAL if with_data else bag_options(args.data_options)
     if with_data:
         recordings = dict(named_recordings(data_sources(args.data_options), cache_from(args)))
+        sites = {name: site_of(recording, name) for name, recording in recordings.items()}
     else:
         recordings = observed_recordings(args.predictions, reading, topic)
     return evaluate_bags(
         args.predictions,
         recordings,
         runners,
+        sites=sites,
         topic=topic,
         min_future_s=args.min_future,
         own_clock=with_data,

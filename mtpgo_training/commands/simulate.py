@@ -63,13 +63,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:
         help="highway, street, curves and ramps: desired speed (m/s)",
     )
     add("--sumocfg", type=Path, metavar="FILE", help="scenario: configuration of Eclipse SUMO")
+    add(
+        "--overwrite",
+        action="store_true",
+        help="replace recordings of an earlier call in the directory",
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run ``mtpgo simulate``."""
     # Imported late: the sites read SUMO's output with pandas, which --help does not need.
-    from mtpgo_training.simulate.sites import site_config, write_recordings
+    from mtpgo_training.simulate.sites import require_new, site_config, write_recordings
 
     options = {
         "seconds": args.seconds,
@@ -84,6 +89,8 @@ def run(args: argparse.Namespace) -> int:
     }
     config = site_config(args.site, options)
     require_folder(args.output)
+    if not args.overwrite:
+        require_new(args.site, args.count, args.output)
     road_users = 0
     for written in write_recordings(args.site, config, args.count, args.output):
         recording = written.recording

@@ -11,6 +11,7 @@ from mtpgo_core.quality.metrics import TIMES_S
 from mtpgo_training.crossval.site_scores import (
     LEAST_AGENTS,
     MODEL,
+    is_scored,
     pooled_scores,
     worse_than_simple,
 )
@@ -89,6 +90,25 @@ def left_out_sites(content: Json) -> dict[str, Json]:
         content: of a cross-validation.
     """
     return {name: site for fold in content["folds"] for name, site in fold["sites"].items()}
+
+
+def unscored_sites(content: Json) -> list[str]:
+    """Return a sentence for each left-out site of which the tables have no row.
+
+    Args:
+        content: of a cross-validation.
+    """
+    sentences = []
+    for name, site in left_out_sites(content).items():
+        trackers = [tracker for tracker, scores in site["scores"].items() if not is_scored(scores)]
+        if trackers:
+            sentences.append(
+                f"no road user of the site {name} could be scored (observations: "
+                f"{', '.join(trackers)}), so it is missing in the tables: expected recordings in "
+                f"which some are observed after they were predicted, not as short as "
+                f"{', '.join(site['recordings'])}"
+            )
+    return sentences
 
 
 def _shown_groups(scores: Json, manoeuvres: bool, since_start: bool) -> list[str]:

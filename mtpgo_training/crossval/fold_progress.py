@@ -9,6 +9,7 @@ import sys
 from mtpgo_core.errors import MtpgoError
 from mtpgo_training.crossval.crossval_folder import CrossvalFolder
 from mtpgo_training.crossval.fold import FoldJob
+from mtpgo_training.crossval.site_scores import is_scored
 
 
 class FoldProgress:
@@ -49,9 +50,12 @@ class FoldProgress:
             f"{training['minutes']:.1f} min"
         )
         for name, site in fold["sites"].items():
-            scores = site["scores"][self._tracker].get("moving", {})
-            ade, cv = scores.get("ade"), scores.get("ade_cv")
-            result = "nothing moves" if ade is None else f"moving ADE {ade:.3f} m (CV {cv:.3f})"
+            scores = site["scores"][self._tracker]
+            moving = scores.get("moving", {})
+            ade, cv = moving.get("ade"), moving.get("ade_cv")
+            result = "nothing moves" if is_scored(scores) else "nothing could be scored"
+            if ade is not None:
+                result = f"moving ADE {ade:.3f} m (CV {cv:.3f})"
             self.say(f"  {name}: {result}")
 
     def failed(self, job: FoldJob, error: MtpgoError) -> None:

@@ -196,6 +196,15 @@ def _average(values: Sequence[float | None], geometric: bool = False) -> float |
     return sum(known) / len(known)
 
 
+def is_scored(scores: Mapping[str, Json]) -> bool:
+    """Whether any road user of a site was predicted and observed afterwards.
+
+    Args:
+        scores: :func:`group_scores` of the site.
+    """
+    return any(row["n"] for row in scores.values())
+
+
 def worse_than_simple(scores: Json) -> bool:
     """Whether the ADE is known to be worse than that of the better baseline."""
     return is_worse(scores["ade"], [scores[f"ade_{name}"] for name in SIMPLE]) is True

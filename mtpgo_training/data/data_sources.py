@@ -168,6 +168,20 @@ def named_recordings(
             yield (item.name if len(sources) > 1 else item.recording.name), item.recording
 
 
+def site_of(recording: Recording, name: str) -> str:
+    """Return the site of a recording: its location, ``FOLDER/LOCATION`` among several folders.
+
+    Data sets number their locations from 0 or 1, each for itself.
+
+    Args:
+        recording: the recording.
+        name: by which it is known, ``FOLDER/NAME`` among several folders.
+    """
+    folder = name.removesuffix(f"/{recording.name}")
+    within = "" if folder == name else folder
+    return "/".join(filter(None, (within, recording.location)))
+
+
 def _take(taken: set[str], name: str) -> None:
     if name in taken:
         raise ConfigurationError(

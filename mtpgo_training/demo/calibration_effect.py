@@ -33,7 +33,7 @@ def calibration_effect(runner: ModelRunner, recordings: Sequence[Recording]) -> 
     settings = Settings(stride_s=_STRIDE_S, centre=False, online_effect=True)
     named = [(recording.name, recording) for recording in recordings]
     evaluation = evaluate_all({"model": runner}, named, settings)
-    tables = {SHIPPED: evaluation.scores, ONLINE: evaluation.online}
+    tables = {SHIPPED: evaluation.shipped, ONLINE: evaluation.online}
     averages = {name: table.averages()["model"]["all"] for name, table in tables.items()}
     return {
         name: {key: scores.get(key) for key in EFFECT_TITLES} for name, scores in averages.items()

@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -124,6 +125,8 @@ class Evaluation:
         recordings: name in the scores -> SHA-256 of its sources.
         online: scores of the models with the online calibration beside that of their files; each
             recording starts with the latter.
+        shipped: scores of the same predictions with the calibration of their files, of which
+            ``scores`` may hold more.
         scenes: the best and worst scenes of those models for which an entry was made before.
         rounded: name in the scores -> time between two scored instants (s), of the recordings
             whose frames do not have the stride that was asked for.
@@ -135,6 +138,7 @@ class Evaluation:
     recordings: dict[str, str] = field(default_factory=dict)
     honesty: HonestyTable = field(default_factory=HonestyTable)
     online: ScoreTable = field(default_factory=ScoreTable)
+    shipped: ScoreTable = field(default_factory=ScoreTable)
     scenes: dict[str, ExtremeScenes] = field(default_factory=dict)
     rounded: dict[str, float] = field(default_factory=dict)
     laneless: dict[str, list[str]] = field(default_factory=dict)
@@ -176,8 +180,18 @@ class Evaluation:
             scenes.update(scorer, prediction, found, reference.cv_ade)
         return found
 
-    def add_online(self, model: str, scorer: Scorer, prediction: Prediction) -> None:
-        """Score a prediction of the protocol ``all`` with the online calibration."""
+    def add_online(
+        self, model: str, scorer: Scorer, prediction: Prediction, shipped: ScoredPrediction
+    ) -> None:
+        """Score a prediction of the protocol ``all`` with the online calibration.
+
+        Args:
+            model: name of the model.
+            scorer: of the recording.
+            prediction: with the online calibration.
+            shipped: scores of the same prediction with the calibration of the model's file.
+        """
+        self.shipped.add(model, "all", shipped.scores, shipped.truth.agents)
         found = scorer.score(prediction)
         self.online.add(model, "all", found.scores, found.truth.agents)
 
@@ -246,6 +260,7 @@ class Evaluation:
         self.scores.merge(other.scores)
         self.honesty.merge(other.honesty)
         self.online.merge(other.online)
+        self.shipped.merge(other.shipped)
         self.recordings.update(other.recordings)
         self.rounded.update(other.rounded)
         for model, names in other.laneless.items():
@@ -310,6 +325,7 @@ def evaluate_recording(
     settings: Settings,
     *,
     name: str | None = None,
+    site: str | None = None,
     tick: Callable[[], object] = lambda: None,
 ) -> None:
     """Score models and baselines on one recording.
@@ -320,6 +336,7 @@ def evaluate_recording(
         recording: what they are scored on.
         settings: see :class:`Settings`.
         name: of the recording in the result, its own by default.
+        site: of the recording in the result, its location by default.
         tick: called after each frame.
     """
     name = recording.name if name is None else name
@@ -338,6 +355,7 @@ def evaluate_recording(
             max_gap_s=history.max_gap_s,
             min_future_s=settings.min_future_s,
             name=name,
+            site=site,
             kde_samples=settings.kde_samples,
         )
         predictors = {
@@ -377,10 +395,12 @@ def evaluate_recording(
                 prediction = live[model, protocol].serve(prediction, window)
                 if not len(prediction):
                     continue
-                result.add(model, protocol, scorer, prediction, window, baselines=model == first)
+                found = result.add(
+                    model, protocol, scorer, prediction, window, baselines=model == first
+                )
                 if protocol == "all" and model in online:
                     served = online[model].serve(prediction, window)
-                    result.add_online(model, scorer, served)
+                    result.add_online(model, scorer, served, found)
     result.honesty.finish()
 
 
@@ -461,6 +481,7 @@ def evaluate_all(
     recordings: Iterable[tuple[str, Recording]],
     settings: Settings,
     *,
+    sites: Mapping[str, str] = MappingProxyType({}),
     draw: Sequence[str] = (),
     progress: Callable[[str, int], Callable[[], object]] = lambda name, frames: lambda: None,
 ) -> Evaluation:
@@ -470,6 +491,7 @@ def evaluate_all(
         runners: models by name.
         recordings: names and recordings, taken one after the other.
         settings: see :class:`Settings`.
+        sites: name of a recording -> its site, its location where none is given.
         draw: models whose best and worst scenes are kept for a picture.
         progress: called with each recording's name and number of steps; returns a function that is
             called after each step.
@@ -478,7 +500,8 @@ def evaluate_all(
     histories = max(1, len(_same_history(runners)))
     for name, recording in recordings:
         tick = progress(name, histories * len(recording.frames))
-        evaluate_recording(result, runners, recording, settings, name=name, tick=tick)
+        site = sites.get(name)
+        evaluate_recording(result, runners, recording, settings, name=name, site=site, tick=tick)
     return result
 
 

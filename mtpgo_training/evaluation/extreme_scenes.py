@@ -68,7 +68,9 @@ class ExtremeScenes:
             if key in held and held[key].interest >= interest[i]:
                 continue
             note = f"ADE {ade[i]:.2f} m, constant velocity {cv_ade[i]:.2f} m"
-            held[key] = Moment(scorer.recording, prediction, agent, float(interest[i]), note)
+            held[key] = Moment(
+                scorer.recording, prediction, agent, float(interest[i]), note, scorer.site
+            )
             _thin(held)
 
     def merge(self, other: ExtremeScenes) -> None:

@@ -48,6 +48,7 @@ class Moment:
         agent: row of the road user in focus.
         interest: by which it was selected (m).
         note: addition to its title.
+        site: where it was, the recording's location by default.
     """
 
     recording: Recording
@@ -55,6 +56,7 @@ class Moment:
     agent: int
     interest: float
     note: str = ""
+    site: str = ""
 
 
 def choose_moments(
@@ -81,12 +83,16 @@ def choose(candidates: Sequence[Moment], count: int) -> list[Moment]:
     chosen: list[Moment] = []
     while left and len(chosen) < count:
         # The sites shown least often so far come first; the sort is stable.
-        shown = [moment.recording.location for moment in chosen]
-        left.sort(key=lambda moment: shown.count(moment.recording.location))
+        shown = [_site(moment) for moment in chosen]
+        left.sort(key=lambda moment: shown.count(_site(moment)))
         best = left[0]
         chosen.append(best)
         left = [moment for moment in left[1:] if _differs(moment, best)]
     return chosen
+
+
+def _site(moment: Moment) -> str:
+    return moment.site or moment.recording.location
 
 
 def _differs(one: Moment, other: Moment) -> bool:

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_training.data.data_sources import KnownContents, SourceJob
+from mtpgo_training.data.data_sources import KnownContents, SourceJob, site_of
 from mtpgo_training.data.readers.checks.reading_remarks import remark
 from mtpgo_training.data.recording_cache import RecordingCache
 from mtpgo_training.evaluation.evaluator import Evaluation, Settings, evaluate_all
@@ -142,8 +142,14 @@ class _Scoring:
                     bar.total = frames
                     return bar.update
 
-                named = [(name, recording)]
                 result.merge(
-                    evaluate_all(runners, named, self.settings, draw=self.draw, progress=begin)
+                    evaluate_all(
+                        runners,
+                        [(name, recording)],
+                        self.settings,
+                        sites={name: site_of(recording, name)},
+                        draw=self.draw,
+                        progress=begin,
+                    )
                 )
         return result

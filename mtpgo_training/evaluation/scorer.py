@@ -105,6 +105,7 @@ class Scorer:
         max_gap_s: longest gap within a track that is bridged (s).
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         name: of the recording in the table, its own by default.
+        site: of the recording in the table, its location by default.
         kde_samples: see :func:`.scores.agent_scores.score_agents`.
     """
 
@@ -115,11 +116,13 @@ class Scorer:
         max_gap_s: float = 0.5,
         min_future_s: float = 0.0,
         name: str | None = None,
+        site: str | None = None,
         kde_samples: int = 0,
     ) -> None:
         self._kde_samples = kde_samples
         self.recording = recording
         self.name = recording.name if name is None else name
+        self.site = recording.location if site is None else site
         self._future = FutureTable(recording, max_gap_s=max_gap_s)
         self._min_future_s = min_future_s
 
@@ -147,7 +150,7 @@ class Scorer:
         speed = np.linalg.norm(path.velocity[:, 0], axis=-1)
         agents = ScoredAgents(
             recording=self.name,
-            site=self.recording.location,
+            site=self.site,
             stamp_ns=stamp_ns,
             step_s=dt_s,
             track=track,

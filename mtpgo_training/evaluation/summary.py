@@ -21,7 +21,7 @@ from mtpgo_training.evaluation.scores.score_summary import (
     breakdowns,
     other_horizons,
 )
-from mtpgo_training.evaluation.scores.score_table import Averages, ScoreTable
+from mtpgo_training.evaluation.scores.score_table import ScoreTable
 from mtpgo_training.evaluation.training_overlap import overlap_by_model, overlap_warnings
 from mtpgo_training.scenes.kinematic_baselines import BASELINES
 from mtpgo_training.scenes.tracker.tracker_config import RECORDED, SIMULATED
@@ -72,7 +72,7 @@ def summarise(
         },
         "live": result.live,
         "published": result.published,
-        "calibration_effect": effect_of_calibration(evaluation, averages),
+        "calibration_effect": effect_of_calibration(evaluation),
         "recordings": evaluation.recordings,
         "failed": {failure.name: failure.reason for failure in result.failures},
         "seen": overlaps,
@@ -123,15 +123,18 @@ def _lane_warnings(laneless: Mapping[str, Sequence[str]]) -> list[str]:
     ]
 
 
-def effect_of_calibration(evaluation: Evaluation, averages: Averages) -> Json:
+def effect_of_calibration(evaluation: Evaluation) -> Json:
     """Return the averages of each model with both calibrations, empty without the online one.
+
+    Both are of the same predictions: of several bags, some may be published without the online
+    calibration, whose predictions are in neither.
 
     Args:
         evaluation: of recordings, or of models at the instants of bags.
-        averages: of its scores.
     """
+    shipped = evaluation.shipped.averages()
     return {
         f"{model}, {calibration}": found[PROTOCOL]
         for model, online in evaluation.online.averages().items()
-        for calibration, found in ((SHIPPED, averages[model]), (ONLINE, online))
+        for calibration, found in ((SHIPPED, shipped[model]), (ONLINE, online))
     }

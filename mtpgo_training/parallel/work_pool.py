@@ -14,6 +14,7 @@ from mtpgo_core.errors import ConfigurationError, MtpgoError
 from mtpgo_training.data.code_hash import code_sha256
 from mtpgo_training.parallel.dask_settings import dask_settings
 from mtpgo_training.parallel.fork_server import start_fork_server
+from mtpgo_training.parallel.late_interrupt import interrupt_afterwards
 from mtpgo_training.parallel.pool_options import PoolOptions
 from mtpgo_training.parallel.work_item import LOG, Failure, WorkItem, attempt, attempt_elsewhere
 
@@ -185,7 +186,10 @@ def _client(options: PoolOptions, items: int) -> Iterator[Client]:
     from distributed import Client as DaskClient
 
     if not options.cluster:
-        with _processes(min(options.jobs, items)) as cluster, DaskClient(cluster) as client:
+        with contextlib.ExitStack() as started:
+            with interrupt_afterwards():
+                cluster = started.enter_context(_processes(min(options.jobs, items)))
+                client = started.enter_context(DaskClient(cluster))
             yield client
         return
     try:

@@ -101,10 +101,37 @@ def site_config(site: str, options: Mapping[str, Any]) -> SimulationConfig:
     return config(**{name: value for name, value in options.items() if value is not None})
 
 
+def require_new(site: str, count: int, output: Path) -> None:
+    """Check that recordings can be written without replacing others.
+
+    Args:
+        site: name in ``SITES``.
+        count: number of recordings.
+        output: directory to write to, may be missing.
+
+    Raises:
+        ConfigurationError: it has a file of a recording that would be written.
+    """
+    names = _names(site, count)
+    found = sorted(path.name for name in names for path in output.glob(f"{name}_*"))
+    if found:
+        more = f" and {len(found) - 1} more of them" if len(found) > 1 else ""
+        raise ConfigurationError(
+            f"{output} has the file {found[0]}{more}, which the recordings to be written would "
+            "replace, expected another directory, or --overwrite"
+        )
+
+
+def _names(site: str, count: int) -> list[str]:
+    """Return the names of the recordings of one call."""
+    first = FIRST_NUMBER[SITES[site].layout]
+    return [f"{number:02d}" for number in range(first, first + count)]
+
+
 def write_recordings(
     site: str, config: SimulationConfig, count: int, output: Path
 ) -> Iterator[SimulatedRecording]:
-    """Simulate and write recordings, one each time the next is asked for.
+    """Simulate and write recordings, one each time the next is asked for; replace earlier ones.
 
     Args:
         site: name in ``SITES``.
@@ -116,9 +143,9 @@ def write_recordings(
         SimulationError: SUMO is missing or fails.
     """
     simulate, layout = SITES[site].simulate, SITES[site].layout
-    for number in range(count):
+    for number, name in enumerate(_names(site, count)):
         begin = time.monotonic()
         numbered = dataclasses.replace(config, seed=config.seed + number)
-        recording = simulate(numbered, f"{FIRST_NUMBER[layout] + number:02d}")
+        recording = simulate(numbered, name)
         WRITERS[layout](recording, output)
         yield SimulatedRecording(recording, numbered.seed, time.monotonic() - begin)

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from msg_adapters.bags.bag_reader import BagReader, bag_name
@@ -105,6 +106,7 @@ def evaluate_bags(
     recordings: Mapping[str, Recording],
     runners: Mapping[str, ModelRunner],
     *,
+    sites: Mapping[str, str] = MappingProxyType({}),
     topic: str | None = None,
     min_future_s: float = 0.0,
     own_clock: bool = True,
@@ -117,6 +119,7 @@ def evaluate_bags(
         bags: recorded predictions.
         recordings: what was played, by name.
         runners: models by name, may be empty. The baselines use the history of the first.
+        sites: name of a recording -> its site, its location where none is given.
         topic: of the predictions; by default the one that holds predictions.
         min_future_s: agents observed for a shorter time afterwards are left out (s).
         own_clock: the bags may have another clock than the recordings, found by their own
@@ -177,7 +180,9 @@ def evaluate_bags(
                 "road user of the recordings and are left out"
             )
         for name, own in matched.by_recording.items():
-            part = _RecordingEvaluation(name, recordings[name], min_future_s, runners)
+            part = _RecordingEvaluation(
+                name, recordings[name], min_future_s, runners, sites.get(name)
+            )
             for once in _by_pass(own):
                 part.score_bag(result, bag_called, once, baselines=name not in done)
                 part.score_models(result, bag_called, once, first=name not in done)
@@ -279,6 +284,7 @@ class _RecordingEvaluation:
     recording: Recording
     min_future_s: float
     runners: Mapping[str, ModelRunner]
+    site: str | None = None
 
     def _scorer(self, history: HistoryConfig) -> Scorer:
         return Scorer(
@@ -286,6 +292,7 @@ class _RecordingEvaluation:
             max_gap_s=history.max_gap_s,
             min_future_s=self.min_future_s,
             name=self.name,
+            site=self.site,
         )
 
     def score_bag(
@@ -322,6 +329,6 @@ class _RecordingEvaluation:
                 agreement.add(from_horizon_start(recorded), same, self.recording, self.name)
                 if not (first and len(own)):
                     continue
-                result.evaluation.add(model, PROTOCOL, scorer, own)
+                found = result.evaluation.add(model, PROTOCOL, scorer, own)
                 if with_online:
-                    result.evaluation.add_online(model, scorer, online)
+                    result.evaluation.add_online(model, scorer, online, found)

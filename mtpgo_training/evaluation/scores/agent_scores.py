@@ -56,7 +56,7 @@ class ScoredAgents:
 
     Attributes:
         recording: name of the recording.
-        site: its location, as the data set names it.
+        site: its location, as the data set names it, after its folder where there are several.
         stamp_ns: time of the prediction (ns).
         step_s: time between two horizon steps (s).
         track: [n] index in the recording.

@@ -16,6 +16,7 @@ from mtpgo_training.table_format import Row, Table
 Json = dict[str, Any]
 
 EFFECT_TITLES = {
+    "n": "n",
     "ade": "ADE m",
     "min_ade": "minADE m",
     "coverage_50": "in 50 %",
@@ -41,10 +42,10 @@ _LIVE_TEXT = (
     "made."
 )
 _EFFECT_TEXT = (
-    "Errors of the heaviest and of the best mode, share of truths in the heaviest mode's ellipses "
-    "of 50 and 90 %, of moving road users in that of 90 % at 1, 3 and 5 s, and the negative "
-    "log-likelihood, on the same recordings at the same instants. Online: corrected by the "
-    "outcomes of earlier predictions."
+    "Number of predictions of road users, errors of the heaviest and of the best mode, share of "
+    "truths in the heaviest mode's ellipses of 50 and 90 %, of moving road users in that of 90 % "
+    "at 1, 3 and 5 s, and the negative log-likelihood, on the same recordings at the same "
+    "instants. Online: corrected by the outcomes of earlier predictions."
 )
 
 

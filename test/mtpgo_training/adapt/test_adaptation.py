@@ -14,7 +14,7 @@ from mtpgo_core.options import from_dict
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.adapt import adaptation as module
 from mtpgo_training.adapt.adapt_options import AdaptOptions
-from mtpgo_training.adapt.adapt_report import report_text, require_better
+from mtpgo_training.adapt.adapt_report import coverage_warning, report_text, require_better
 from mtpgo_training.adapt.adaptation import adapt, adapted_config
 from mtpgo_training.adapt.adaptation_scores import SiteScores
 from mtpgo_training.export.exporter import load_model
@@ -75,6 +75,43 @@ def test_the_report_has_three_lines_with_the_figures(adapted):
     assert "at 1/3/5 s" in lines[1]
     assert "4 recording(s), 32 road users, 4 epochs" in lines[2]
     assert "in 1.5 min" in lines[2]
+
+
+@pytest.mark.parametrize(
+    ("epochs", "best", "received_signal", "said"),
+    [
+        (4, 3, None, "4 epochs, best 3, "),
+        (1, 1, None, "1 of 4 epochs fitted into --minutes, best 1, "),
+        (1, 2, None, "1 of 4 epochs fitted into --minutes, best 2 (not completed), "),
+        (0, 0, None, "0 of 4 epochs fitted into --minutes, those within the first kept, "),
+        (1, 1, signal.SIGINT, "1 epochs, best 1, "),
+    ],
+)
+def test_the_report_says_if_the_time_was_short(adapted, epochs, best, received_signal, said):
+    changes = {"epochs": epochs, "best_epoch": best, "received_signal": received_signal}
+    lines = report_text(dataclasses.replace(adapted, **changes), 1.5).splitlines()
+    assert len(lines) == 3
+    assert f" road users, {said}" in lines[2]
+
+
+def test_the_time_may_end_within_the_first_epoch(base, monkeypatch):
+    """Then the weights within it are validated, as those of an epoch are."""
+    limit = "mtpgo_training.training.trial.time_limit.TimeLimit.is_up"
+    monkeypatch.setattr(limit, lambda self, measure: True)
+    found = adapt(base, site(), OPTIONS, name="mine")
+    assert (found.epochs, found.best_epoch, found.wanted_epochs) == (0, 0, 4)
+
+
+def test_ellipses_that_are_too_small_are_told_with_what_to_do(adapted):
+    def warning(**coverage):
+        shares = {float(name.removeprefix("at_")): share for name, share in coverage.items()}
+        after = dataclasses.replace(adapted.after, coverage_90=shares)
+        return coverage_warning(dataclasses.replace(adapted, after=after))
+
+    assert warning(at_1=0.85, at_3=0.9, at_5=float("nan")) == ""
+    said = warning(at_1=0.84, at_3=0.9, at_5=0.7)
+    assert "hold 0.84/0.70 of the moving road users 1/5 s ahead, expected at least 0.85" in said
+    assert said.endswith("adapt with more recordings or more --minutes")
 
 
 @pytest.mark.parametrize("changes", [{"ade_m": 99.0}, {"nll": 99.0}])

@@ -9,11 +9,13 @@ import threading
 
 import pytest
 import yaml
+from crossval_results import content, group
 from traffic import braking_cars
 
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_training import cli
 from mtpgo_training.calibration.calibration_samples import SAMPLES_FILE, CalibrationSamples
+from mtpgo_training.commands.crossval import _print_results
 from mtpgo_training.data.writers.ind_writer import write_ind
 from mtpgo_training.training.run_folder import load_checkpoint
 
@@ -182,6 +184,14 @@ def test_strides_that_are_no_whole_number_of_frames_are_told(place, capsys, monk
     words[1] = str(place / "odd.yaml")
     assert cli.main(words) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_a_site_that_could_not_be_scored_is_told(capsys):
+    results = content({"a": {"all": group(1.0)}, "b": {}}) | {"mean_of_sites": {"recorded": {}}}
+    _print_results(results, manoeuvres=False, since_start=False)
+    errors = capsys.readouterr().err
+    assert errors.startswith("mtpgo: warning: no road user of the site b could be scored")
+    assert errors.count("\n") == 1
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,9 @@ def test_the_json_has_the_documented_content(content):
     headline = content["models"]["default"]["all"]["coverage_90_moving_5s"]
     assert honesty["by_motion"]["moving"]["ellipse_90"][2] == pytest.approx(headline)
     assert honesty["all"]["consistency"]["cycle_s"] == pytest.approx(1.0)
+    # Both folders have the same locationId.
+    sites = {name.rsplit(", ", 1)[0] for name in honesty["by_site_and_motion"]}
+    assert sites == {"a/test", "b/test"}
     assert set(content["groups"]) == {"default"}
     effect = content["calibration_effect"]
     assert effect["default, shipped"] == content["models"]["default"]["all"]

@@ -119,6 +119,39 @@ def test_wrong_values(
     assert expected in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("site", "held", "refused"),
+    [
+        ("roundabout", "00_tracks.csv.gz", True),
+        ("roundabout", "01_recordingMeta.csv", True),
+        ("roundabout", "02_tracks.csv", False),
+        ("highway", "02_tracks.csv", True),
+        ("highway", "00_tracks.csv", False),
+    ],
+)
+def test_recordings_of_an_earlier_call_are_not_replaced(
+    site: str,
+    held: str,
+    refused: bool,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(
+        "mtpgo_training.simulate.sites.write_recordings", lambda site, *_: asked.append(site) or ()
+    )
+    (tmp_path / held).write_text("of an earlier call")
+    arguments = ["simulate", site, "-o", str(tmp_path), "--count", "2"]
+    assert cli.main(arguments) == 2
+    error = capsys.readouterr().err
+    said = f"{tmp_path} has the file {held}, which the recordings to be written would replace"
+    assert (said in error) == refused
+    assert asked == ([] if refused else [site])
+    cli.main([*arguments, "--overwrite"])
+    assert asked[-1:] == [site]
+
+
 @needs_sumo
 def test_a_simulation_without_traffic_gives_a_one_line_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

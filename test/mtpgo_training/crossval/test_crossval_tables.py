@@ -13,6 +13,7 @@ from mtpgo_training.crossval.crossval_tables import (
     differences,
     scores_table,
     trainings_table,
+    unscored_sites,
 )
 from mtpgo_training.crossval.site_scores import LEAST_AGENTS
 from mtpgo_training.table_format import to_text
@@ -49,6 +50,16 @@ def test_sites_that_are_left_out_together_have_rows_of_their_own():
     assert rows[f"{POOLED}: moving"]["ADE m"] == "2.000"
     [trained] = trainings_table(given).rows
     assert (trained.name, trained.cells[-1]) == ("both", "a, b")
+
+
+def test_sites_of_which_nothing_could_be_scored_are_named():
+    given = content({"a": {"all": group(1.0)}, "b": {}, "c": {"all": group(1.0, n=0)}})
+    unscored = unscored_sites(given)
+    assert [sentence.split(" could be scored")[0] for sentence in unscored] == [
+        "no road user of the site b",
+        "no road user of the site c",
+    ]
+    assert "(observations: recorded)" in unscored[0]
 
 
 def test_moving_road_users_come_first_and_few_are_left_out():

@@ -17,20 +17,22 @@ from mtpgo_training.crossval.site_folds import Fold, FoldSite
 from mtpgo_training.data.splits import NamedRecording
 from mtpgo_training.training.trial.schedule_plan import Budget
 
-FOLD = Fold("a", (FoldSite("a", ("a/01",)), FoldSite("still", ("s/01",))))
+FOLD = Fold(
+    "a", (FoldSite("a", ("a/01",)), FoldSite("still", ("s/01",)), FoldSite("short", ("t/01",)))
+)
 BUDGET = Budget(minutes=1.0)
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A cross-validation whose fold is done: one site with moving road users, one without."""
+    """A fold that is done: sites with and without what moves, and one without scores."""
     folder = CrossvalFolder(tmp_path / "out")
     recordings = [NamedRecording("a", braking_cars(tracks=1, seconds=1.0))]
     folder.start(CONFIG, [FOLD], recordings, BUDGET, 1.0, ("recorded",))
     fold = folder.fold("a")
     fold.path.mkdir(parents=True)
-    sites = {"a": {"moving": group(1.0)}, "still": {"all": group(0.1)}}
-    result = content(sites, folds={"a": ["a", "still"]})
+    sites = {"a": {"moving": group(1.0)}, "still": {"all": group(0.1)}, "short": {}}
+    result = content(sites, folds={"a": ["a", "still", "short"]})
     fold.scores.write_text(json.dumps(result["folds"][0]))
     return folder
 
@@ -44,10 +46,11 @@ def test_each_step_of_a_fold_is_said_and_its_results_are_written(folder, capsys,
     progress.failed(job, MtpgoError("the loss is not finite"))
     printed = capsys.readouterr()
     lines = [
-        f"a: leaves out a, still (2 recordings), see {folder.fold('a').log}",
+        f"a: leaves out a, still, short (3 recordings), see {folder.fold('a').log}",
         "a: 11 of 12 epochs in 6.0 min",
         "  a: moving ADE 1.000 m (CV 2.000)",
         "  still: nothing moves",
+        "  short: nothing could be scored",
     ]
     assert printed.out.splitlines() == ([] if quiet else lines)
     assert printed.err == "mtpgo: without a: the loss is not finite\n"

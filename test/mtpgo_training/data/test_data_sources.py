@@ -16,6 +16,7 @@ from mtpgo_training.data.data_sources import (
     named_recordings,
     read_all,
     read_sources,
+    site_of,
 )
 from mtpgo_training.data.writers.ind_writer import write_ind
 
@@ -83,3 +84,18 @@ def test_recordings_without_a_road_user_are_refused_where_all_are_needed(folders
     monkeypatch.setattr(data_sources, "read_sources", lambda *_: iter(empty))
     with pytest.raises(RecordingError, match=r"no recording of .*b has a road user"):
         read_all([b])
+
+
+@pytest.mark.parametrize(
+    ("name", "location", "site"),
+    [
+        ("01", "2", "2"),
+        ("01", "", ""),
+        ("a/01", "2", "a/2"),
+        ("a/01", "", "a"),
+        ("another", "2", "2"),
+    ],
+)
+def test_the_site_is_the_location_after_the_folder_if_there_is_one(name, location, site):
+    recording = dataclasses.replace(braking_cars("01", tracks=2, seconds=2.0), location=location)
+    assert site_of(recording, name) == site

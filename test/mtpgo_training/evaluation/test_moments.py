@@ -36,6 +36,16 @@ def test_sites_alternate_and_no_road_user_is_shown_twice():
     assert choose_moments([], 3) == []
 
 
+def test_sites_alternate_where_folders_number_them_alike():
+    def of(recording, frame, agent, interest, site):
+        return Moment(recording, perfect_prediction(recording, frame), agent, interest, site=site)
+
+    first, second = make_recording("a", location="1"), make_recording("b", location="1")
+    one, more = of(first, 40, 1, 9.0, "a/1"), of(first, 80, 0, 8.0, "a/1")
+    other = of(second, 40, 1, 1.0, "b/1")
+    assert choose([one, more, other], 2) == [one, other]
+
+
 def test_interest_weighs_metres_across_more_than_along():
     # At 10 m/s along y for 2 s, 1 km apart: straight on, 1 m aside or ahead, far aside, slow.
     now = np.zeros((5, 4))

@@ -76,6 +76,17 @@ def test_recorded_paths_begin_where_the_road_users_were(tmp_path):
     assert straight["feasibility"]["reverses"] == straight["feasibility"]["overlaps"] == 0.0
 
 
+def test_recordings_of_bags_have_the_site_that_is_given(tmp_path):
+    recording = make_recording(duration_s=8.0)
+    bag = written(
+        tmp_path / "bag", recording, lambda number: (perfect_prediction(recording, number),)
+    )
+    for sites, expected in (({}, recording.location), ({"a/made": "a/1"}, "a/1")):
+        result = evaluate_bags([bag], {"a/made": recording}, {}, sites=sites)
+        found = honesty_summary(result.evaluation.honesty)["bag"]["all"]["by_site_and_motion"]
+        assert {name.rsplit(", ", 1)[0] for name in found} == {expected}
+
+
 def test_a_node_may_publish_fewer_modes_where_there_are_many_road_users(tmp_path):
     recording = make_recording(duration_s=8.0)
 
@@ -128,7 +139,7 @@ def test_online_and_offline_agree_to_a_millimetre(bag, recording, runner, from_b
     assert max(agreement.differences_m) < 1e-3
     assert "road user" in agreement.text("online", "default")
     assert list(result.published["online"]) == ["shipped"]
-    assert effect_of_calibration(result.evaluation, result.evaluation.scores.averages()) == {}
+    assert effect_of_calibration(result.evaluation) == {}
     # The baselines are scored once.
     assert result.evaluation.scores.averages()["cv"]["all"]["n"] == online["n"]
 
@@ -147,9 +158,9 @@ def test_a_node_that_compensates_its_delay_is_scored_at_the_times_it_predicted(
     assert max(result.agreements["delayed"]["default"].differences_m) < 1e-3
 
 
-def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_path):
-    corrected = tmp_path / "corrected"
-    with DecodingBagReader(bag) as reader, McapWriter(corrected) as out:
+def as_if_online(bag, path):
+    """Write the first 4 s of a bag as if its predictions had the online calibration."""
+    with DecodingBagReader(bag) as reader, McapWriter(path) as out:
         for connection in reader.connections:
             out.add_topic(connection.topic, connection.msgtype)
         for connection, received_ns, message in reader.messages(reader.connections):
@@ -161,16 +172,37 @@ def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_
                 one = dataclasses.replace(one, calibration=stage)
                 message = prediction_to_pointcloud2(one, out.types)
             out.write(connection.topic, received_ns, message)
+    return path
+
+
+def test_bags_with_the_online_calibration_show_what_it_changes(bag, runner, tmp_path):
+    corrected = as_if_online(bag, tmp_path / "corrected")
     result = evaluate_bags([corrected], observed_recordings([corrected]), {"default": runner})
     assert list(result.published["corrected"]) == ["online"]
     averages = result.evaluation.scores.averages()
-    effect = effect_of_calibration(result.evaluation, averages)
+    effect = effect_of_calibration(result.evaluation)
     assert list(effect) == ["default, shipped", "default, online"]
     shipped, online = effect.values()
     assert shipped == averages["default"]["all"]
     assert online["ade"] == pytest.approx(shipped["ade"], rel=1e-3)  # paths as well, a little
     assert online["anll"] != shipped["anll"]
     assert online["n"] == shipped["n"] > 100
+
+
+def test_both_calibrations_are_compared_on_the_bags_with_the_online_one(
+    bag, recording, runner, tmp_path
+):
+    corrected = as_if_online(bag, tmp_path / "corrected")
+    models = {"default": runner}
+    later = dataclasses.replace(recording, start_time_ns=recording.start_time_ns + 10**12)
+    shipped = play(later.between(None, 6.0), runner, tmp_path / "shipped", every=10)
+    alone, both = (
+        evaluate_bags(bags, observed_recordings(bags), models, own_clock=False).evaluation
+        for bags in ([corrected], [shipped, corrected])
+    )
+    assert effect_of_calibration(both) == effect_of_calibration(alone) != {}
+    of_both, of_one = (one.scores.averages()["default"]["all"]["n"] for one in (both, alone))
+    assert of_both > of_one
 
 
 def test_a_filtered_cloud_is_left_out_and_alone_refused(tmp_path):

@@ -28,7 +28,8 @@ def test_the_longest_window_is_shown():
 
 
 def test_the_report_has_the_scores_of_each_bag_and_what_the_calibration_changed():
-    effect = {"m, shipped": {"coverage_90": 0.7}, "m, online": {"ade": 1.5, "coverage_90": 0.9}}
+    effect = {"m, shipped": {"coverage_90": 0.7}}
+    effect["m, online"] = {"n": 12, "ade": 1.5, "coverage_90": 0.9}
     content = {"live": {"bag": [row(1800)]}, "calibration_effect": effect}
     tables = live_tables(content)
     assert [table.heading for table in tables] == [
@@ -36,6 +37,6 @@ def test_the_report_has_the_scores_of_each_bag_and_what_the_calibration_changed(
         "What the online calibration changes",
     ]
     online = to_text(tables[1]).splitlines()[2].split()
-    assert online[:6] == ["m,", "online", "1.50", "-", "-", "0.90"]
+    assert online[:7] == ["m,", "online", "12", "1.50", "-", "-", "0.90"]
     assert live_tables({}) == []
     assert calibration_effect_table({"m, shipped": {}}) is None
