@@ -104,7 +104,7 @@ class LiveCalibration:
         if span_s:
             if paths is not None:
                 self.paths.keep(paths, span_s)
-            self._matcher.add(corrected, window)
+            self._matcher.add(corrected, everybody)
         if self.options.prefer != BEST:
             return corrected
         preferred = self.preference.constant_velocity[group] & (prediction.source == MODEL)

@@ -14,6 +14,7 @@ from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_equations import PathFit
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
+from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.schema import AgentClass, CalibrationStage, Source, tracked_states
 from mtpgo_core.task.task_description import HistoryConfig
 
@@ -37,6 +38,7 @@ class Road:
         agent_class: [cars].
         first_number: of the identities.
         teleports: cars that jump to and fro.
+        reversed_rows: the prediction has the cars in another order than the window.
     """
 
     def __init__(self, drift_mps=1.0, options=LiveOptions(), sigma_m=10.0):  # noqa: B008
@@ -49,6 +51,7 @@ class Road:
         self.speed = np.full(CARS, SPEED_MPS)
         self.agent_class = np.full(CARS, AgentClass.CAR, dtype=np.uint8)
         self.first_number, self.teleports, self.step = 0, [], 0
+        self.reversed_rows = False
 
     @property
     def key(self):
@@ -96,6 +99,8 @@ class Road:
             ),
             calibration=np.full(CARS, CalibrationStage.SHIPPED, dtype=np.uint8),
         )
+        order = np.arange(CARS)[:: -1 if self.reversed_rows else 1]
+        self.shipped = select(self.shipped, order)
         self.served = self.live.serve(self.shipped, window)
 
     def error_m(self, mode=0):
@@ -122,6 +127,14 @@ def test_errors_that_can_be_foreseen_become_small():
     np.testing.assert_allclose(served.mean[:, :, 1:, 2:], steps, atol=1e-6)
     course = np.arctan2(served.mean[..., 3], served.mean[..., 2])
     np.testing.assert_allclose(served.yaw, course, atol=1e-9)
+
+
+def test_the_order_of_a_prediction_does_not_matter():
+    usual, other = Road(), Road()
+    other.reversed_rows = True
+    for road in (usual, other):
+        road.drive(30.0)
+    np.testing.assert_allclose(other.served.mean[::-1], usual.served.mean, atol=1e-9)
 
 
 def test_paths_have_no_kinks_where_what_is_known_ends():
