@@ -128,7 +128,7 @@ class PathFit:
         information: [kinds, 2, parts, F, F] the equations' matrices at the end of each of
             :data:`~mtpgo_core.live_calibration.path_features.PARTS` of the horizon: what the
             coefficients were learned from, before and after a restart.
-        curves: [kinds, 2, H, H] that make corrections of single steps a curve.
+        curves: [kinds, 2, 3, H] that make corrections of single steps a cubic.
     """
 
     coefficients: Float64Array
@@ -189,7 +189,9 @@ class PathFit:
             kind: [n] positions in :data:`KINDS`.
             shift: [n, M, H, 2] of each step by itself (m).
         """
-        return np.einsum("nahk,nmka->nmha", self.curves[kind], shift, optimize=True)
+        ahead, basis = _cubic(shift.shape[2])
+        curve = np.einsum("nach,nmha->nmac", self.curves[kind], shift / ahead[:, None])
+        return np.asarray(ahead[:, None] * np.einsum("hc,nmac->nmha", basis, curve))
 
 
 class PathEquations:
@@ -306,8 +308,14 @@ class PathEquations:
         return np.clip(residual, -most, most)
 
 
+def _cubic(steps: int) -> tuple[Float64Array, Float64Array]:
+    """Return [H] the times ahead and [H, 3] the basis of a cubic from 0 on, divided by them."""
+    ahead = np.arange(1, steps + 1) / steps
+    return ahead, np.stack([np.ones(steps), ahead, ahead**2], axis=1)
+
+
 def _curves(known: BoolArray) -> Float64Array:
-    """Return [..., H, H] that make corrections the nearest cubic that begins with 0.
+    """Return [..., 3, H] that make corrections, divided by the time ahead, the nearest cubic.
 
     Each step is learned by itself, and at first what is known ends at a step: without this paths
     have kinks there. Steps that get no truth because observations are rare do not count, unless
@@ -317,10 +325,7 @@ def _curves(known: BoolArray) -> Float64Array:
     Args:
         known: [..., H] steps that something is known of.
     """
-    steps = known.shape[-1]
-    ahead = np.arange(1, steps + 1) / steps
-    basis = np.stack([np.ones(steps), ahead, ahead**2], axis=1)  # [H, 3]
     beyond = np.cumsum(known[..., ::-1], axis=-1)[..., ::-1] == 0
     counted = (known | beyond).astype(np.float64)[..., None]
-    inverse = np.linalg.pinv(counted * basis) * np.swapaxes(counted, -1, -2)
-    return np.asarray(basis @ inverse * (ahead[:, None] / ahead))
+    _, basis = _cubic(known.shape[-1])
+    return np.asarray(np.linalg.pinv(counted * basis) * np.swapaxes(counted, -1, -2))

@@ -12,7 +12,6 @@ from mtpgo_core.live_calibration.path_equations import (
     PathEquations,
     PathErrors,
     PathFit,
-    _curves,
     kinds,
 )
 from mtpgo_core.live_calibration.path_features import FEATURES
@@ -244,20 +243,18 @@ def test_proposals_for_cars_say_nothing_of_road_users_of_no_known_class(equation
 
 
 def test_steps_that_are_never_observed_follow_those_that_are():
-    """As with observations once a second; what lies beyond all that is known does not count."""
-    known = np.zeros(25, dtype=np.bool_)
-    known[[4, 9, 14]] = True
+    """As with observations once a second; what lies beyond all that is known counts as 0."""
     ahead = np.arange(1, 26) / 25
     wanted = 0.5 * ahead - 0.3 * ahead**2
-    given = np.where(known, wanted, 0.0)
-    all_known, some, first = (
-        _curves(k) @ g
-        for k, g in (
-            (np.ones(25, dtype=np.bool_), wanted),
-            (known | (np.arange(25) == 24), np.where(np.arange(25) == 24, wanted, given)),
-            (known, given),
-        )
-    )
-    np.testing.assert_allclose(all_known, wanted, atol=1e-9)
-    np.testing.assert_allclose(some, wanted, atol=1e-9)
-    assert np.abs(first[20:]).max() < 0.2 * wanted.max()
+    once_a_second = np.isin(np.arange(25), [4, 9, 14, 19, 24])
+    begun_lately = np.isin(np.arange(25), [4, 9])
+    found = []
+    for known in (np.ones(25, dtype=np.bool_), once_a_second, begun_lately):
+        belief = np.broadcast_to(known, (len(KINDS), 2, 25)).astype(np.float64)
+        information = np.broadcast_to(np.eye(FEATURES), (len(KINDS), 2, 3, FEATURES, FEATURES))
+        fit = PathFit.begun(np.zeros((*belief.shape, FEATURES)), belief, information)
+        shift = np.where(known, wanted, 0.0)[None, None, :, None] * np.array([1.0, 2.0])
+        found.append(fit.as_curves(np.array([VEHICLE]), shift)[0, 0])
+    for one in found[:2]:
+        np.testing.assert_allclose(one, wanted[:, None] * np.array([1.0, 2.0]), atol=1e-9)
+    assert np.abs(found[2][20:, 0]).max() < 0.25 * wanted.max()
