@@ -179,6 +179,10 @@ def _title(moment: Moment, around: LocalView) -> str:
     )
 
 
+def _truth_line(**style: Any) -> Line2D:
+    return Line2D([], [], color=TRUTH, ls=(0, (2.2, 1.4)), marker="o", **style)
+
+
 def _legend(scenes: Sequence[LocalView]) -> list[Any]:
     ground: list[Any] = []
     if any(around.lanes for around in scenes):
@@ -189,28 +193,9 @@ def _legend(scenes: Sequence[LocalView]) -> list[Any]:
         Patch(facecolor=FOCAL, edgecolor="#8a4a08", label="in focus, and its past 3 s"),
         Line2D([], [], color=PREDICTED, lw=2.2, label="predicted modes, by weight"),
         Patch(facecolor=PREDICTED, alpha=0.25, label="2σ (1 ... 5 s)"),
-        Line2D(
-            [],
-            [],
-            color=TRUTH,
-            lw=1.6,
-            ls=(0, (2.2, 1.4)),
-            marker="o",
-            ms=4.5,
-            label="what happened",
-        ),
+        _truth_line(lw=1.6, ms=4.5, label="what happened"),
         Line2D([], [], color=CV, lw=1.2, ls=(0, (5, 2)), marker="x", label="constant velocity"),
         Patch(facecolor=BODY, edgecolor="#5d6872", label="others"),
-        Line2D(
-            [],
-            [],
-            color=TRUTH,
-            lw=0.8,
-            ls=(0, (2.2, 1.4)),
-            marker="o",
-            ms=2.2,
-            alpha=0.55,
-            label="what others did",
-        ),
+        _truth_line(lw=0.8, ms=2.2, alpha=0.55, label="what others did"),
         *ground,
     ]

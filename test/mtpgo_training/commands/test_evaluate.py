@@ -220,6 +220,21 @@ def test_the_calibration_goes_on_over_each_recording_or_is_taken_off(
     assert reliability["off"] != reliability["online"]
 
 
+def test_the_online_calibration_leaves_paths_alone_if_asked(data, content, tmp_path, capsys):
+    out = tmp_path / "scores.json"
+    given = ["--model", "default", "--no-centre", "--no-correct-paths", "--json", out]
+    assert run(data / "b", *given, "--calibration", "online") == 0
+    assert "corrects covariances alone" in capsys.readouterr().out
+    result = json.loads(out.read_text())
+    shipped = content["by_recording"]["default"]["all"]["b/01"]
+    found = result["by_recording"]["default"]["all"]["01"]
+    assert result["correct_paths"] is False
+    assert found["ade"] == pytest.approx(shipped["ade"])
+    assert found["anll"] != shipped["anll"]
+    assert run(data / "b", *given, "--calibration", "shipped") == 2
+    assert "--calibration shipped, by which no path is corrected" in capsys.readouterr().err
+
+
 def test_smoothed_paths_jump_less(data, tmp_path, capsys):
     """Of a noisy tracker; where tracks are clean there is little to smooth."""
     jump = {}
