@@ -189,7 +189,7 @@ def calibrator(tmp_path):
 def test_a_file_that_could_not_be_used_is_no_problem_once_it_is_written(calibrator, tmp_path):
     (tmp_path / "calibration.json").write_text('{"kind":"mtpgo live calibration","format":1}')
     one = calibrator()
-    assert "has format 1, expected 3" in one.file_error
+    assert "has format 1, expected 4" in one.file_error
     one.close()
     assert not one.file_error
     (tmp_path / "calibration.json").unlink()
@@ -213,7 +213,7 @@ def test_a_file_of_another_kind_is_never_overwritten(calibrator, tmp_path, conte
     path.write_bytes(b"")  # as touch makes it
     one.close()
     assert "was written by another process as well" in one.file_error
-    assert json.loads(path.read_bytes())["format"] == 3
+    assert json.loads(path.read_bytes())["format"] == 4
 
 
 def test_a_node_without_its_model_keeps_what_was_learned_about_it(tmp_path, calibrator):
