@@ -61,7 +61,7 @@ class LiveCalibration:
         self.tracker = SigmaTracker(options, horizon_steps)
         self.preference = ModelPreference(options)
         self._limits, self._max_gap_s = MemoryLimits(modes=1), history.max_gap_s
-        self.paths = PathCorrection(options, history.dt_s, horizon_steps, self._limits.cycles)
+        self.paths = PathCorrection(options, history.dt_s, horizon_steps, self._max_gap_s)
         self._matcher = OutcomeMatcher(history, self._limits)
         self._served = ServedTables()
         self._now_ns: int | None = None

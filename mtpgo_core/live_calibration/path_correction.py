@@ -76,15 +76,19 @@ class PathCorrection:
         options: may be replaced by :meth:`configure`.
         dt_s: step of the horizon (s).
         steps: H.
-        cycles: most predictions kept, as many as the memory of outcomes keeps.
+        longest_wait_s: how long after a step its truth may come (s).
 
     Attributes:
         equations: what was learned.
     """
 
-    def __init__(self, options: LiveOptions, dt_s: float, steps: int, cycles: int) -> None:
+    def __init__(
+        self, options: LiveOptions, dt_s: float, steps: int, longest_wait_s: float
+    ) -> None:
+        # A delay that is compensated moves the horizon, by less than the wait.
+        self._kept_ns = round(1e9 * (steps * dt_s + 2.0 * longest_wait_s))
         self.equations = PathEquations(options, dt_s, steps)
-        self._served: deque[ServedPaths] = deque(maxlen=cycles)
+        self._served: deque[ServedPaths] = deque()
         self._lock = threading.Lock()
 
     def configure(self, options: LiveOptions) -> None:
@@ -149,6 +153,8 @@ class PathCorrection:
         """
         with self._lock:
             self._served.append(dataclasses.replace(served, weight_s=weight_s))
+            while served.stamp_ns - self._served[0].stamp_ns > self._kept_ns:
+                self._served.popleft()
 
     def clear(self) -> None:
         """Forget the predictions whose outcomes are not known yet; keep what was learned."""

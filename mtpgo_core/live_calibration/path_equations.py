@@ -190,8 +190,9 @@ class PathFit:
             shift: [n, M, H, 2] of each step by itself (m).
         """
         ahead, basis = _cubic(shift.shape[2])
-        curve = np.einsum("nach,nmha->nmac", self.curves[kind], shift / ahead[:, None])
-        return np.asarray(ahead[:, None] * np.einsum("hc,nmac->nmha", basis, curve))
+        relative = (shift / ahead[:, None]).transpose(0, 3, 2, 1)  # [n, 2, H, M]
+        curve = (ahead[:, None] * basis) @ (self.curves[kind] @ relative)
+        return np.asarray(curve.transpose(0, 3, 2, 1))
 
 
 class PathEquations:

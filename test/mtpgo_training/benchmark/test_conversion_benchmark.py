@@ -8,5 +8,5 @@ from mtpgo_training.benchmark.conversion_benchmark import timed
 
 
 def test_a_step_that_fails_is_quoted():
-    with pytest.raises(Exception, match="'convert' ended with status 2: mtpgo convert: the following"):
+    with pytest.raises(Exception, match="'convert' ended with status 2: mtpgo convert: the"):
         timed("convert", ["-m", "mtpgo_training.cli", "convert", "x", "y"], 1.0)
