@@ -255,15 +255,26 @@ class PathEquations:
         solution = np.linalg.solve(square, product[..., None])[..., 0]
         coefficients = np.clip(solution, *COEFFICIENT_LIMITS)
         information = self._square[:, :, part_steps(square.shape[2])] + self._begin.information
-        doubted = self.options.path_doubt * self._doubted_m2
-        # Times this, the proposals so far would have had the smallest squared errors.
-        agreed = self._agreed + doubted * self._begin.belief
-        belief = np.clip(agreed / (self._proposed + doubted), 0.0, 1.0)
-        doubted = _RECENT_DOUBT_S * self._doubted_m2
-        recent = (self._agreed_now + doubted * belief) / (self._proposed_now + doubted)
-        belief = np.minimum(belief, np.clip(recent, 0.0, 1.0))
+        begun, doubt_s = self._begin.belief, self.options.path_doubt
+        belief = self._share(self._agreed, self._proposed, doubt_s, begun)
+        recent = self._share(self._agreed_now, self._proposed_now, _RECENT_DOUBT_S, belief)
+        belief = np.minimum(belief, recent)
         curves = _curves((self._weight > 0.0) | (self._begin.belief > 0.0))
         self.fit = PathFit(coefficients, belief, information, curves)
+
+    def _share(
+        self, agreed: Float64Array, proposed: Float64Array, doubt_s: float, before: Float64Array
+    ) -> Float64Array:
+        """Return [kinds, 2, H] times which the proposals had had the smallest squared errors.
+
+        Args:
+            agreed: [kinds, 2, H] sums of proposals times errors (m^2 s).
+            proposed: [kinds, 2, H] sums of squared proposals (m^2 s).
+            doubt_s: seconds of small proposals that count for ``before``.
+            before: [kinds, 2, H] shares without evidence.
+        """
+        doubted = doubt_s * self._doubted_m2
+        return np.clip((agreed + doubted * before) / (proposed + doubted), 0.0, 1.0)
 
     def add(self, errors: PathErrors) -> None:
         """Add errors to the equations of their own kind and of ``any``."""
