@@ -96,15 +96,13 @@ def run_fold(job: FoldJob) -> bool:
     export_runs([files.run], files.model, name=_name(job.config, job.fold), force=True)
     start = time.monotonic()
     runner = ModelRunner.load(files.model, trusted=True)
-    scores, samples, sampled = {}, [], []
+    scores, samples = {}, []
     for site in job.fold.sites:
         left_out = [item for item in recordings if item.name in site.recordings]
         scores[site.name], parts = _scores(job, runner, site, left_out)
         samples += parts
-        sampled += [_sampled(item) for item in left_out if not item.is_named(job.config.data.test)]
     if samples:
-        merged = merge_samples(samples)
-        dataclasses.replace(merged, recordings=tuple(sampled)).save(files.samples)
+        merge_samples(samples).save(files.samples)
     content: Json = {
         "fold": job.fold.name,
         "training": read_json(files.training, "how a fold was trained"),
@@ -174,6 +172,8 @@ def score_site(
     result = SampledEvaluation()
     for item in recordings:
         result.keeps_samples = not item.is_named(tested)
+        if result.keeps_samples:
+            result.sampled.append(_sampled(item))
         if len(item.recording):
             recording = dataclasses.replace(item.recording, location=site)
             evaluate_recording(result, {MODEL: runner}, recording, settings, name=item.name)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,11 @@ import numpy as np
 from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.schema import Float64Array, HistoryWindow, KeyArray, Prediction, Source
 from mtpgo_core.task.calibration import Calibration, calibration_groups
-from mtpgo_training.calibration.calibration_samples import CalibrationSamples, merge_samples
+from mtpgo_training.calibration.calibration_samples import (
+    CalibrationSamples,
+    SampledRecording,
+    merge_samples,
+)
 from mtpgo_training.evaluation.evaluator import Evaluation
 from mtpgo_training.evaluation.scorer import ScoredPrediction, Scorer
 
@@ -22,9 +27,11 @@ class SampledEvaluation(Evaluation):
 
     Attributes:
         keeps_samples: predictions are samples; false while recordings for the test are scored.
+        sampled: recordings that the samples are of.
     """
 
     keeps_samples: bool = True
+    sampled: list[SampledRecording] = field(default_factory=list)
     _samples: list[CalibrationSamples] = field(default_factory=list)
 
     def add(
@@ -67,7 +74,8 @@ class SampledEvaluation(Evaluation):
         """
         if not self._samples:
             return None
-        return merge_samples(self._samples).uncalibrated(calibration)
+        merged = merge_samples(self._samples).uncalibrated(calibration)
+        return dataclasses.replace(merged, recordings=tuple(self.sampled))
 
 
 def _last_velocity(window: HistoryWindow, key: KeyArray) -> Float64Array:

@@ -61,6 +61,7 @@ def test_recordings_for_the_test_are_scored_and_give_no_samples():
     scored = [one.scores.averages()[MODEL]["all"]["n"] for one in (whole, part)]
     sampled = [len(one.samples(Calibration())) for one in (whole, part)]
     assert scored[0] == scored[1] == sampled[0] == 2 * sampled[1]
+    assert [one.name for one in part.samples(Calibration()).recordings] == ["01"]
 
 
 def test_the_calibration_of_the_model_is_taken_back():
