@@ -16,13 +16,11 @@ import dataclasses
 import numpy as np
 import torch
 
-from mtpgo_core.history.track_index import find_sort_keys, sort_keys
 from mtpgo_core.live_calibration.live_calibration import LiveCalibration
 from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.prediction.model_runner import ModelRunner, find_model
 from mtpgo_core.quality.metrics import ade
 from mtpgo_core.schema import Float64Array
-from mtpgo_core.task.calibration import calibration_groups, is_moving
 from mtpgo_training.commands.arguments.data_arguments import (
     add_cache_arguments,
     add_data_arguments,
@@ -31,10 +29,7 @@ from mtpgo_training.commands.arguments.data_arguments import (
 )
 from mtpgo_training.data.data_sources import read_sources
 from mtpgo_training.data.recording import Recording
-from mtpgo_training.evaluation.offline_predictor import make_predictor
-from mtpgo_training.evaluation.scorer import Scorer
-from mtpgo_training.scenes.history_replay import replay
-from mtpgo_training.scenes.windows import frames_every
+from mtpgo_training.evaluation.calibration_bars import served_predictions
 
 STRIDE_S = 0.4
 """Time between two predictions (s)."""
@@ -51,32 +46,18 @@ def errors(
         recording: the truth.
         factor: of its velocities, as they are observed.
     """
-    history, steps = runner.task.history, runner.task.horizon_steps
     observed = dataclasses.replace(
         recording,
         velocity=factor * recording.velocity,
         acceleration=factor * recording.acceleration,
     )
-    live.clear_stream("clock_reset")
-    scorer, predictor = Scorer(recording), make_predictor(runner, recording)
-    stamps = [recording.stamp_ns(int(frame)) for frame in frames_every(recording, STRIDE_S)]
     found = [np.empty((0, 3))]
-    windows = replay(observed, history, stamps, on_update=live.observe)
-    for stamp_ns, window in zip(stamps, windows, strict=True):
-        shipped = predictor.predict(window)
-        if not len(shipped):
-            continue
-        served = live.serve(shipped, window)
-        row = find_sort_keys(sort_keys(window.key), sort_keys(shipped.key))
-        group = calibration_groups(shipped.agent_class, window.velocity[row, -1])
-        truth = scorer.ground_truth(shipped.key, stamp_ns, steps, history.dt_s)
-        rows = is_moving(group) & truth.mask.any(axis=1)
+    for one in served_predictions(runner, live, recording, observed, STRIDE_S):
         both = [
-            ade(one.mean[rows][..., :2], one.weight[rows], truth.position[rows], truth.mask[rows])
-            for one in (shipped, served)
+            ade(path.mean[..., :2], path.weight, one.truth.position, one.truth.mask)
+            for path in (one.shipped, one.online)
         ]
-        time_s = np.full(int(rows.sum()), (stamp_ns - stamps[0]) * 1e-9)
-        found.append(np.stack([time_s, *both], axis=1))
+        found.append(np.stack([np.full_like(both[0], one.time_s), *both], axis=1))
     return np.concatenate(found)
 
 

@@ -11,8 +11,9 @@ count, and only what was predicted after the first minute, in which the factors 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.model_runner import ModelRunner
 from mtpgo_core.prediction.output_assembly import select
 from mtpgo_core.quality.metrics import TIMES_S, ade, anll, is_inside, min_ade, nees
-from mtpgo_core.schema import Float64Array, Prediction
+from mtpgo_core.schema import Float64Array, HistoryWindow, Prediction
 from mtpgo_core.task.calibration import calibration_groups, is_moving
 from mtpgo_training.data.recording import Recording
 from mtpgo_training.evaluation.offline_predictor import make_predictor
@@ -164,30 +165,83 @@ def measure_calibration(
     for recording in recordings:
         if recording.duration_s >= _JOINED_BELOW_S:
             live, past_s = LiveCalibration(options, history, horizon), 0.0
-        live.clear_stream("clock_reset")
         observed = recording
         if tracker_seed is not None:
             observed = draw_tracker(recording, tracker_seed).observe(recording)
-        scorer = Scorer(recording, max_gap_s=history.max_gap_s)
-        predictor = make_predictor(runner, recording)
-        stamps = [recording.stamp_ns(int(frame)) for frame in frames_every(recording, stride_s)]
-        windows = replay(observed, history, stamps, on_update=live.observe)
         seen = set[int]()
-        for stamp_ns, window in zip(stamps, windows, strict=True):
-            shipped = predictor.predict(window)
-            online = live.serve(shipped, window)
-            if past_s + (stamp_ns - stamps[0]) * 1e-9 < after_s or not len(shipped):
+        for one in served_predictions(runner, live, recording, observed, stride_s):
+            if past_s + one.time_s < after_s:
                 continue
-            own = find_sort_keys(sort_keys(window.key), sort_keys(shipped.key))
-            group = calibration_groups(shipped.agent_class, window.velocity[own, -1])
-            truth = scorer.ground_truth(shipped.key, stamp_ns, horizon, history.dt_s)
-            rows = is_moving(group) & truth.mask.any(axis=1)
-            seen.update(truth.agents.track[rows].tolist())
+            seen.update(one.truth.agents.track.tolist())
             constant = predict_constant_velocity(
-                window.select(own), horizon_steps=horizon, dt_s=history.dt_s
+                one.window, horizon_steps=horizon, dt_s=history.dt_s
             )
-            for name, one in ((SHIPPED, shipped), (ONLINE, online), (CONSTANT, constant)):
-                result.add(name, select(one, rows), truth.select(rows))
+            for name, prediction in (
+                (SHIPPED, one.shipped),
+                (ONLINE, one.online),
+                (CONSTANT, constant),
+            ):
+                result.add(name, prediction, one.truth)
         past_s += recording.duration_s
         result.agents += len(seen)
     return result
+
+
+class ServedPrediction(NamedTuple):
+    """A prediction as shipped and as the online calibration serves it, and what became of it.
+
+    All of moving road users of which a later position is known.
+
+    Attributes:
+        time_s: since the first prediction of the recording (s).
+        window: that it was made from.
+        shipped: with the calibration of the model's file.
+        online: as served.
+        truth: of both.
+    """
+
+    time_s: float
+    window: HistoryWindow
+    shipped: Prediction
+    online: Prediction
+    truth: GroundTruth
+
+
+def served_predictions(
+    runner: ModelRunner,
+    live: LiveCalibration,
+    recording: Recording,
+    observed: Recording,
+    stride_s: float,
+) -> Iterator[ServedPrediction]:
+    """Play a recording to a model and an online calibration, which goes on from earlier ones.
+
+    Args:
+        runner: the model.
+        live: the calibration.
+        recording: the truth.
+        observed: what the history observes.
+        stride_s: time between two predictions (s).
+    """
+    history, horizon = runner.task.history, runner.task.horizon_steps
+    live.clear_stream("clock_reset")
+    scorer = Scorer(recording, max_gap_s=history.max_gap_s)
+    predictor = make_predictor(runner, recording)
+    stamps = [recording.stamp_ns(int(frame)) for frame in frames_every(recording, stride_s)]
+    windows = replay(observed, history, stamps, on_update=live.observe)
+    for stamp_ns, window in zip(stamps, windows, strict=True):
+        shipped = predictor.predict(window)
+        online = live.serve(shipped, window)
+        if not len(shipped):
+            continue
+        own = window.select(find_sort_keys(sort_keys(window.key), sort_keys(shipped.key)))
+        group = calibration_groups(shipped.agent_class, own.velocity[:, -1])
+        truth = scorer.ground_truth(shipped.key, stamp_ns, horizon, history.dt_s)
+        rows = is_moving(group) & truth.mask.any(axis=1)
+        yield ServedPrediction(
+            (stamp_ns - stamps[0]) * 1e-9,
+            own.select(rows),
+            select(shipped, rows),
+            select(online, rows),
+            truth.select(rows),
+        )
