@@ -37,6 +37,9 @@ class NetworkConfig:
             particular, do not dominate the likelihood.
         covariance_scale: factor on all covariances in the output, 1 in training; set by a
             calibration that is fitted afterwards on recordings that were not used for training.
+        least_mode_spread: smallest distance between the modes, in standard deviations of the
+            heaviest one. The network does not apply it; who uses its output does, the losses do
+            not, see :func:`mtpgo_core.prediction.paths.mode_spread.with_least_spread`.
         static_features: the agent class is also an input (as in the paper's -S models).
         agent_frame: states and part of the input are in each agent's own frame (docs/design.md,
             decision 16).
@@ -51,6 +54,7 @@ class NetworkConfig:
     hidden: int = option(64, low=1, high=8192)  # chosen: hundreds of millions of parameters
     observation_std_m: float = option(0.0, low=0.0, below=math.inf)
     covariance_scale: float = option(1.0, above=0.0, below=math.inf)
+    least_mode_spread: float = option(0.0, low=0.0, high=3.0)  # the same
     static_features: bool = False
     agent_frame: bool = True
 

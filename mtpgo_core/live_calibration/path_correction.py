@@ -22,8 +22,8 @@ from mtpgo_core.live_calibration.live_options import LiveOptions
 from mtpgo_core.live_calibration.path_equations import PathEquations, PathErrors, joined, kinds
 from mtpgo_core.live_calibration.path_features import MIXTURE, PathFeatures, path_features
 from mtpgo_core.prediction.constant_velocity import motion_yaw
-from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.output_assembly import replace_rows, select, time_grid
+from mtpgo_core.prediction.paths.forward_motion import without_reversing
 from mtpgo_core.quality.outcomes import Outcomes
 from mtpgo_core.schema import (
     CalibrationStage,

@@ -24,10 +24,10 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.frames import rotate_covariance
 from mtpgo_core.prediction.calibrated_prediction import calibrate, weight_temperatures
 from mtpgo_core.prediction.constant_velocity import usable_covariances
-from mtpgo_core.prediction.forward_motion import without_reversing
 from mtpgo_core.prediction.graph_check import faults
 from mtpgo_core.prediction.output_assembly import ModelOutput, assemble, spread
-from mtpgo_core.prediction.path_smoothing import PathSmoother
+from mtpgo_core.prediction.paths.forward_motion import without_reversing
+from mtpgo_core.prediction.paths.path_smoothing import PathSmoother
 from mtpgo_core.scene.trails.trail_branches import BRANCHES
 from mtpgo_core.scene.trails.trail_context import COLUMNS
 from mtpgo_core.schema import Float32Array, HistoryWindow, IndexArray, Prediction, SceneBatch
@@ -276,6 +276,7 @@ class ModelRunner:
             self.task.history.dt_s,
             smoother,
             None if smoother is None else weight_temperatures(own, self.calibration),
+            self.task.least_mode_spread,
         )
         calibrated = calibrate(prediction, self.calibration, own.velocity[:, -1])
         return served, without_reversing(calibrated, own)

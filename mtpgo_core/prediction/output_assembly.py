@@ -14,7 +14,8 @@ import numpy as np
 
 from mtpgo_core.prediction.constant_velocity import initial_states, motion_yaw
 from mtpgo_core.prediction.finite_output import definite_in_float32, finite_in_float32
-from mtpgo_core.prediction.path_smoothing import PathSmoother
+from mtpgo_core.prediction.paths.mode_spread import with_least_spread
+from mtpgo_core.prediction.paths.path_smoothing import PathSmoother
 from mtpgo_core.schema import (
     BoolArray,
     Float32Array,
@@ -50,6 +51,7 @@ def assemble(
     dt_s: float,
     smoother: PathSmoother | None = None,
     temperature: Float64Array | None = None,
+    least_mode_spread: float = 0.0,
 ) -> Prediction:
     """Return the prediction in the fixed frame, modes sorted by weight, in the window's order.
 
@@ -61,6 +63,7 @@ def assemble(
         smoother: of the paths from cycle to cycle, if any.
         temperature: [n] with which the weights of the window's agents will be calibrated, which a
             smoother needs; 1 by default.
+        least_mode_spread: see :func:`~mtpgo_core.prediction.paths.mode_spread.with_least_spread`.
 
     Returns:
         One row for each agent of the window. Rows of agents without a prediction, or with one
@@ -82,6 +85,8 @@ def assemble(
     order = np.argsort(-weight, axis=1, kind="stable")
     rows = np.arange(order.shape[0])[:, None]
     weight, mean, covariance = weight[rows, order], mean[rows, order], covariance[rows, order]
+    # After the smoothing, which compares each mode with itself, whatever mode is the heaviest.
+    mean = with_least_spread(mean, weight, covariance, least_mode_spread, dt_s)
     yaw = motion_yaw(mean, initial_yaw[agent])
 
     def in_window(values: Float64Array) -> Float64Array:

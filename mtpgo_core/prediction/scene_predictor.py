@@ -23,7 +23,7 @@ from mtpgo_core.options import check_options, option
 from mtpgo_core.prediction.agent_limit import AgentLimit
 from mtpgo_core.prediction.constant_velocity import predict_constant_velocity
 from mtpgo_core.prediction.output_assembly import replace_rows, select, with_heaviest_modes
-from mtpgo_core.prediction.path_smoothing import LONGEST_MEMORY_S, PathSmoother
+from mtpgo_core.prediction.paths.path_smoothing import LONGEST_MEMORY_S, PathSmoother
 from mtpgo_core.scene.graph_selection import GraphState
 from mtpgo_core.scene.lane_map import LaneMap
 from mtpgo_core.scene.scene_builder import build_scenes

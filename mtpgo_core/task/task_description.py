@@ -26,6 +26,9 @@ TASK_FILE = "task.json"
 LARGEST_STEPS = 1000
 """Largest number of steps of history or horizon; chosen: the memory of the node grows with it."""
 
+LARGEST_MODE_SPREAD = 3.0
+"""Largest ``least_mode_spread``; chosen: modes farther out lie outside of the 95 % ellipse."""
+
 LARGEST_S = 3600.0
 """Largest time in a task description (s); chosen: far beyond any prediction of traffic."""
 
@@ -257,6 +260,9 @@ class TaskDescription:
         states: names of the S states in the model's output (2 or 4).
         horizon_steps: H, at ``history.dt_s``.
         modes: M.
+        least_mode_spread: smallest distance between the modes, see
+            :func:`mtpgo_core.prediction.paths.mode_spread.with_least_spread`; 0 leaves them where
+            the network puts them.
         history: see :class:`HistoryConfig`.
         scene: see :class:`SceneConfig`.
         calibration: applied to the model's output by the runner; none by default.
@@ -273,6 +279,7 @@ class TaskDescription:
     states: tuple[str, ...] = ("x", "y", "vx", "vy")
     horizon_steps: int = option(25, low=1, high=LARGEST_STEPS)
     modes: int = option(8, low=1, high=64)
+    least_mode_spread: float = option(0.0, low=0.0, high=LARGEST_MODE_SPREAD)
     history: HistoryConfig = HistoryConfig()
     scene: SceneConfig = SceneConfig()
     calibration: Calibration = Calibration()  # noqa: RUF009  frozen

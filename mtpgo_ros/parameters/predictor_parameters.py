@@ -25,7 +25,7 @@ from mtpgo_core.live_calibration.live_options import (
 from mtpgo_core.maps.lane_file import require_lane_file
 from mtpgo_core.maps.lane_file_options import AUTO, PROJECTIONS, LaneFileOptions
 from mtpgo_core.options import check_options, listed
-from mtpgo_core.prediction.path_smoothing import LONGEST_MEMORY_S
+from mtpgo_core.prediction.paths.path_smoothing import LONGEST_MEMORY_S
 from mtpgo_core.quality.quality_report import WINDOWS_S, QualityLimits
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_ros.parameters.parameter_change import Change, replaced

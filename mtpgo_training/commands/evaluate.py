@@ -21,7 +21,7 @@ from mtpgo_core.live_calibration.live_options import (
     SHIPPED,
 )
 from mtpgo_core.live_calibration.live_options import MODEL as PREFER_MODEL
-from mtpgo_core.prediction.path_smoothing import LONGEST_CYCLE_S, LONGEST_MEMORY_S
+from mtpgo_core.prediction.paths.path_smoothing import LONGEST_CYCLE_S, LONGEST_MEMORY_S
 from mtpgo_core.task.model_file import shipped_models
 from mtpgo_core.task.task_description import GRAPH_POLICIES
 from mtpgo_training.atomic_files import require_writable, write_text

@@ -168,6 +168,7 @@ def export_model(model: TrajectoryPredictor, task: TaskDescription, path: Path) 
         states=STATE_NAMES[: model.config.state_size],
         horizon_steps=model.config.horizon_steps,
         modes=model.config.modes,
+        least_mode_spread=model.config.least_mode_spread,
         model={"network": name, **model.config.to_dict()},
         weights_sha256=weights_hash(model),
     )

@@ -35,7 +35,8 @@ def model_text(task: TaskDescription) -> str:
         f"{task.name} (exported by version {task.version or 'unknown'})",
         f"network    {task.model.get('network', 'mtp-go')}",
         f"states     {', '.join(task.states)}",
-        f"horizon    {task.horizon_steps} steps of {task.history.dt_s} s, {task.modes} modes",
+        f"horizon    {task.horizon_steps} steps of {task.history.dt_s} s, {task.modes} modes"
+        + (f", spread by {task.least_mode_spread:g} sigma or more" * bool(task.least_mode_spread)),
         f"history    {task.history.steps} steps of {task.history.dt_s} s",
         f"scene      policy {task.scene.policy}, frame {task.scene.frame}, up to "
         f"{task.scene.max_neighbours} neighbours within {task.scene.radius_m:g} m",

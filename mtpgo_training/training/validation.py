@@ -18,6 +18,7 @@ from torch_geometric.loader import DataLoader
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.errors import ConfigurationError
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
+from mtpgo_core.prediction.paths.mode_spread import with_least_spread
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_training.calibration.calibration_fit import fit_calibration
 from mtpgo_training.calibration.calibration_report import moving_scores, with_moving_scores
@@ -88,6 +89,9 @@ def validate(
             position = mean[rows][..., :2].numpy()
             weight = log_weight[rows].exp().numpy()
             spread = covariance[rows][..., :2, :2].numpy()
+            position = with_least_spread(
+                position, weight, spread, model.config.least_mode_spread, model.config.dt_s
+            )
             group = fields["group"][rows].numpy()
             if protocol == "all":
                 samples.append(

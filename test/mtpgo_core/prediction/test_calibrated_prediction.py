@@ -12,7 +12,7 @@ from mtpgo_core.errors import ModelFileError
 from mtpgo_core.history.track_history import TrackHistory
 from mtpgo_core.prediction.calibrated_prediction import calibrate
 from mtpgo_core.prediction.model_runner import ModelRunner
-from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR, PathSmoother
+from mtpgo_core.prediction.paths.path_smoothing import KEEP_FACTOR, PathSmoother
 from mtpgo_core.scene.scene_builder import build_scenes
 from mtpgo_core.schema import AgentClass, CalibrationStage
 from mtpgo_core.task.calibration import GROUPS, Calibration, GroupCalibration

@@ -19,6 +19,7 @@ from mtpgo_core.prediction.output_assembly import (
     with_time_origin,
     without_agent,
 )
+from mtpgo_core.prediction.paths.path_smoothing import PathSmoother
 from mtpgo_core.schema import SceneBatch, Source
 
 DT_S = 0.5
@@ -94,6 +95,41 @@ def test_modes_are_sorted_by_weight_with_all_that_belongs_to_them():
     assert prediction.weight[0].sum() == pytest.approx(1.0, abs=1e-15)
     assert prediction.mean[0, :, 0, 0].tolist() == [1.0, 2.0, 0.0]
     assert prediction.covariance[0, :, 0, 0, 0].tolist() == [11.0, 12.0, 10.0]
+
+
+def test_modes_are_moved_apart_with_their_velocities_and_yaws():
+    mean = [[[[0.0, 0.0, 1.0, 0.0]], [[0.0, 0.1, 1.0, 0.4]], [[0.0, -0.1, 1.0, -0.4]]]]
+    scenes = batch([[0]], [[True]], [[0.0, 0.0]], [0.0])
+    # Spread 0.1 sqrt(0.25 + 0.25); the root of the trace is 0.2 sqrt(2), half of it twice as much.
+    given = output(mean, [[0.5, 0.25, 0.25]], 0.04 * np.eye(2))
+    prediction = assemble(window(1), scenes, given, DT_S, least_mode_spread=0.5)
+    assert prediction.mean[0, :, 0].tolist() == [
+        [0.0, 0.0, 1.0, 0.0],
+        pytest.approx([0.0, 0.2, 1.0, 1.0]),  # 2 x 0.4 m/s, and 0.1 m more in 0.5 s
+        pytest.approx([0.0, -0.2, 1.0, -1.0]),
+    ]
+    assert prediction.yaw[0, :, 0] == pytest.approx([0.0, np.pi / 4, -np.pi / 4])
+
+
+def test_modes_are_smoothed_before_they_are_moved_apart():
+    scenes = batch([[0]], [[True]], [[0.0, 0.0]], [0.0])
+    mean = np.zeros((1, 2, 2, 4))
+    mean[0, 1, :, 1] = [0.5, 1.0]
+    mean[..., 2] = 2.0
+
+    def published(smoother, stamp_s, weight, least):
+        at = dataclasses.replace(window(1), stamp_ns=round(stamp_s * 1e9))
+        given = output(mean, [weight], 100.0 * np.eye(2))
+        return assemble(
+            at, scenes, given, DT_S, smoother, np.ones(1), least_mode_spread=least
+        ).mean[0, 0]
+
+    # Another mode becomes the heaviest: its own path of the cycle before counts, not the one that
+    # was published, which had been moved away from the heaviest of that time.
+    plain, spread = PathSmoother(0.5), PathSmoother(0.5)
+    for stamp_s, weight in ((0.0, [0.9, 0.1]), (0.5, [0.1, 0.9])):
+        expected = published(plain, stamp_s, weight, 0.0)
+        np.testing.assert_array_equal(published(spread, stamp_s, weight, 1.0), expected)
 
 
 def test_a_first_order_model_gets_velocities_from_its_positions():

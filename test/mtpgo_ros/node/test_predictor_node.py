@@ -25,7 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters.inputs.lane_markers import lanes_to_markers
 from msg_adapters.types import RclpyTypes
-from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR
+from mtpgo_core.prediction.paths.path_smoothing import KEEP_FACTOR
 from mtpgo_core.schema import Source
 from mtpgo_ros.node.history_input import LONGEST_DELAY_S
 

@@ -8,6 +8,7 @@ from site_data import predictions
 from torch_geometric.loader import DataLoader
 from traffic import braking_cars
 
+from mtpgo_core.prediction.paths.mode_spread import with_least_spread
 from mtpgo_core.task.calibration import Calibration
 from mtpgo_core.task.task_description import HistoryConfig, SceneConfig
 from mtpgo_training.adapt.site_predictions import predict_site
@@ -36,6 +37,21 @@ def test_an_agent_counts_once_an_instant_if_its_future_was_observed():
     assert found.truth.shape == found.constant_velocity.shape == (n, H, 2)
     assert found.mask.any(axis=1).all()
     np.testing.assert_allclose(found.weight.sum(axis=1), 1.0, rtol=1e-5)
+
+
+def test_modes_are_as_far_apart_as_they_are_published():
+    source = prepare(braking_cars(), HISTORY, SCENE, DataConfig(), training=False)
+    scenes = list(validation_scenes([source], HISTORY, SCENE, H))
+
+    def predicted(least):
+        torch.manual_seed(0)
+        options = OPTIONS | {"least_mode_spread": least}
+        return predict_site(build_network("mtp-go", options, HISTORY, SCENE), scenes)
+
+    plain, found = predicted(0.0), predicted(0.5)
+    expected = with_least_spread(plain.mean, plain.weight, plain.covariance, 0.5, 0.2)
+    assert np.abs(expected - plain.mean).max() > 0.1
+    np.testing.assert_allclose(found.mean, expected, rtol=1e-6)
 
 
 def test_without_a_calibration_predictions_are_as_given():

@@ -152,6 +152,15 @@ def test_a_network_with_trails_is_not_exported_for_a_task_without_them(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_file_says_how_far_apart_the_modes_are_at_least(tmp_path):
+    options = OPTIONS | {"least_mode_spread": 0.5}
+    network = build_network("mtp-go", options, HistoryConfig(), SceneConfig())
+    plain, spread = TaskDescription(), tmp_path / "spread.pt"
+    assert plain.least_mode_spread == 0.0
+    assert export.export_model(network, plain, spread).least_mode_spread == 0.5
+    assert load_task(spread).least_mode_spread == 0.5
+
+
 def assert_predicts_as(model, batch, prediction, scale=1.0):
     """Compare the runner's prediction with the eager model's on the same scenes."""
     given = [torch.from_numpy(x) for x in (batch.features, batch.valid, batch.static)]

@@ -32,6 +32,11 @@ def test_the_task_is_described_in_full():
     assert unknown[1] == "network    mtp-go"
 
 
+def test_a_least_spread_of_the_modes_is_described():
+    expected = "horizon    25 steps of 0.2 s, 8 modes, spread by 0.7 sigma or more"
+    assert lines(least_mode_spread=0.7)[3] == expected
+
+
 def test_the_inputs_beside_the_features_are_described():
     assert "static     none: the network does not see the class" in lines()
     scene = SceneConfig(classes=("car", "bus"), sizes=True, trails=True)

@@ -33,7 +33,7 @@ class Beside(torch.nn.Module):
     def __init__(self, distance_m):
         super().__init__()
         self.distance_m = torch.nn.Parameter(torch.tensor(distance_m))
-        self.config = SimpleNamespace(dt_s=0.2)
+        self.config = SimpleNamespace(dt_s=0.2, least_mode_spread=0.0)
 
     def forward(self, x, valid, static, initial_covariance=None, trails=None):
         b, n = x.shape[:2]
@@ -41,6 +41,22 @@ class Beside(torch.nn.Module):
         mean[..., :2] = x[:, :, -1, None, None, :2]
         mean[..., 1] += self.distance_m
         return torch.zeros(b, n, 1), mean, torch.eye(4).expand(b, n, 1, 3, 4, 4)
+
+
+class Around(Beside):
+    """Predicts three modes: the present position, and a distance to the left and to the right."""
+
+    def __init__(self, distance_m, least_mode_spread):
+        super().__init__(distance_m)
+        self.config.least_mode_spread = least_mode_spread
+
+    def forward(self, x, valid, static, initial_covariance=None, trails=None):
+        _, mean, covariance = super().forward(x, valid, static)
+        mean = mean.repeat(1, 1, 3, 1, 1)
+        mean[:, :, 0, :, 1] -= self.distance_m
+        mean[:, :, 2, :, 1] -= 2.0 * self.distance_m
+        log_weight = torch.tensor([0.5, 0.25, 0.25]).log().expand(*mean.shape[:3])
+        return log_weight, mean, covariance.repeat(1, 1, 3, 1, 1, 1)
 
 
 def standing_agents():
@@ -89,6 +105,16 @@ def test_the_samples_are_those_of_the_primary_agents_without_a_calibration():
     np.testing.assert_allclose(samples.distance, np.full((4, 3), 1.5**2), rtol=1e-5)
     np.testing.assert_allclose(samples.mode_error, np.full((4, 1), 1.5), rtol=1e-5)
     assert samples.step_s == 0.2
+
+
+def test_modes_are_scored_and_sampled_where_they_are_published():
+    # Spread 0.1 sqrt(0.5) m, root of the trace sqrt(2) m: a tenth of it is twice as much.
+    scores, samples = validate(Around(0.1, 0.1), [standing_agents()])
+    # By 4/3, 5/3 and 2 at the three steps.
+    np.testing.assert_allclose(samples.mode_error, [[0.0, 0.5 / 3, 0.5 / 3]] * 2, rtol=1e-5)
+    assert scores.averages()["model"]["all"]["ade"] == 0.0
+    _, samples = validate(Around(0.1, 0.0), [standing_agents()])
+    np.testing.assert_allclose(samples.mode_error, [[0.0, 0.1, 0.1]] * 2, rtol=1e-5)
 
 
 def test_the_calibrated_covariance_covers_what_the_plain_one_does_not():

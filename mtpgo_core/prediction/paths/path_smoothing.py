@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtpgo_core.history.track_index import SortKeyArray, find_sort_keys, sort_keys
-from mtpgo_core.prediction.forward_motion import moving_vehicles
+from mtpgo_core.prediction.paths.forward_motion import moving_vehicles
 from mtpgo_core.schema import BoolArray, Float64Array, HistoryWindow, IndexArray
 
 LONGEST_CYCLE_S = 1.0

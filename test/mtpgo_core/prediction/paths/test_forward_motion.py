@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from core_helpers import window_of
 
-from mtpgo_core.prediction.forward_motion import without_reversing
+from mtpgo_core.prediction.paths.forward_motion import without_reversing
 from mtpgo_core.schema import AgentClass, Prediction
 
 H, DT = 25, 0.2

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from mtpgo_core.prediction.path_smoothing import KEEP_FACTOR, PathSmoother
+from mtpgo_core.prediction.paths.path_smoothing import KEEP_FACTOR, PathSmoother
 from mtpgo_core.schema import AgentClass, HistoryWindow
 
 M, H, T, DT = 2, 25, 16, 0.2
