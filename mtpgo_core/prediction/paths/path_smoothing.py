@@ -29,7 +29,7 @@ SHORTEST_GAP_S = 0.5
 """A gap of the observations that is longer leaves out all samples within this time (s): the
 history bridges shorter ones. Fewer are missing where a delay was compensated."""
 
-KEEP_FACTOR = 1.07
+KEEP_FACTOR = 1.18
 """The calibrated weight of the mode that was the heaviest in the cycle before is multiplied by
 this; chosen on left-out sites (docs/design.md, "Smooth paths")."""
 
