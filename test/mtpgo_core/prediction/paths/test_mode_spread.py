@@ -7,18 +7,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mtpgo_core.prediction.paths.mode_spread import LARGEST_STRETCH, with_least_spread
+from mtpgo_core.prediction.paths.mode_spread import (
+    LARGEST_STRETCH,
+    SLOW_MPS,
+    with_least_spread,
+)
 
 H, DT = 2, 0.5
 WEIGHT = np.array([[0.5, 0.25, 0.25]])
 
 
 def modes(*last_y):
-    """[1, M, 2, 4] paths along +x at 2 m/s that end at these y, half of it one step before."""
+    """[1, M, 2, 4] fast paths along +x that end at these y, half of it one step before."""
     mean = np.zeros((1, len(last_y), H, 4))
-    mean[..., 0] = [1.0, 2.0]
+    mean[..., 0] = [5000.0, 10000.0]
     mean[..., 1] = np.array(last_y)[:, None] * [0.5, 1.0]
-    mean[..., 2] = 2.0
+    mean[..., 2] = 10000.0
     mean[..., 3] = np.array(last_y)[:, None]
     return mean
 
@@ -83,6 +87,41 @@ def test_velocities_are_those_of_the_moved_paths():
     np.testing.assert_allclose(
         0.5 * (moved[:, :, 1:, 2:] + moved[:, :, :-1, 2:]), between, atol=0.1
     )
+
+
+def steps_of(path):
+    """[H - 1, 2] m in each step."""
+    return np.diff(path[:, :2], axis=0)
+
+
+def test_a_slow_mode_in_a_bend_does_not_turn_round():
+    time_s, radius_m = 0.2 * np.arange(1, 26), 10.0
+    mean = np.zeros((1, 2, 25, 2))
+    for mode, speed in enumerate((6.0, 2.0)):
+        angle = speed * time_s / radius_m
+        mean[0, mode] = radius_m * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
+    wide = np.broadcast_to(200.0 * np.eye(2), (1, 2, 25, 2, 2))
+    moved = with_least_spread(mean, np.array([[0.6, 0.4]]), wide, 2.0, 0.2)
+    before, after = steps_of(mean[0, 1]), steps_of(moved[0, 1])
+    assert np.abs(moved - mean).max() > 0.5
+    turned = np.arctan2(
+        before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before * after).sum(1)
+    )
+    # 31 degrees, and somewhat more where it is hardly faster than what is added to its speed.
+    assert np.abs(turned).max() < np.deg2rad(45.0)
+    free = mean[0, 0, -1] + LARGEST_STRETCH * (mean[0, 1, -1] - mean[0, 0, -1])
+    assert np.linalg.norm(moved[0, 1, -1] - free) > 1.0
+
+
+def test_a_mode_that_brakes_goes_on_forwards():
+    time_s = 0.2 * np.arange(1, 26)
+    mean = np.zeros((1, 2, 25, 2))
+    mean[0, 0, :, 0] = 10.0 * time_s
+    mean[0, 1, :, 0] = 10.0 * time_s - 0.9 * time_s**2  # 1 m/s at the end
+    wide = np.broadcast_to(5000.0 * np.eye(2), (1, 2, 25, 2, 2))
+    moved = with_least_spread(mean, np.array([[0.6, 0.4]]), wide, 2.0, 0.2)
+    assert (moved[0, 1, -1] < mean[0, 1, -1] - 0.1)[0]
+    assert (steps_of(moved[0, 1])[:, 0] > -SLOW_MPS * 0.2 - 1e-9).all()
 
 
 def test_modes_that_are_far_enough_apart_stay():
