@@ -54,7 +54,7 @@ class NetworkConfig:
     hidden: int = option(64, low=1, high=8192)  # chosen: hundreds of millions of parameters
     observation_std_m: float = option(0.0, low=0.0, below=math.inf)
     covariance_scale: float = option(1.0, above=0.0, below=math.inf)
-    least_mode_spread: float = option(0.0, low=0.0, high=3.0)  # the same
+    least_mode_spread: float = option(0.0, low=0.0, high=3.0)  # as a model file may have
     static_features: bool = False
     agent_frame: bool = True
 

@@ -15,7 +15,6 @@ from torch_geometric.data import Data
 
 from models.trajectory_predictor import TrajectoryPredictor
 from mtpgo_core.prediction.calibrated_prediction import calibrated_covariances, calibrated_weights
-from mtpgo_core.prediction.paths.mode_spread import with_least_spread
 from mtpgo_core.quality.metrics import Array
 from mtpgo_core.schema import BoolArray, Float64Array, IndexArray
 from mtpgo_core.task.calibration import Calibration, GroupArray
@@ -131,11 +130,4 @@ def predict_site(model: TrajectoryPredictor, scenes: Sequence[Data]) -> SitePred
         )
     columns = zip(_ARRAYS, zip(*batches, strict=True), strict=True)
     arrays: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns}
-    arrays["mean"] = with_least_spread(
-        arrays["mean"],
-        arrays["weight"],
-        arrays["covariance"],
-        model.config.least_mode_spread,
-        model.config.dt_s,
-    )
     return SitePredictions(**arrays, sites=tuple(sites), step_s=model.config.dt_s)

@@ -43,7 +43,7 @@ LOGGED_SCORES = ("ade", "fde", "mr", "anll", "min_ade", "coverage_90")
 
 @torch.no_grad()
 def predict_batch(model: TrajectoryPredictor, fields: Fields) -> tuple[Tensor, Tensor, Tensor]:
-    """Return the output of a network for a dense batch, on the CPU.
+    """Return the output of a network for a dense batch, on the CPU, modes as far apart as served.
 
     Args:
         model: the network, on any device.
@@ -53,7 +53,15 @@ def predict_batch(model: TrajectoryPredictor, fields: Fields) -> tuple[Tensor, T
     given = [fields[name].to(device) for name in ("x", "valid", "static")]
     trails = fields["trails"].to(device) if "trails" in fields else None
     log_weight, mean, covariance = model(*given, None, trails)
-    return log_weight.cpu(), mean.cpu(), covariance.cpu()
+    log_weight, mean, covariance = log_weight.cpu(), mean.cpu(), covariance.cpu()
+    moved = with_least_spread(
+        mean.flatten(0, 1).numpy(),
+        log_weight.flatten(0, 1).double().exp().numpy(),
+        covariance[..., :2, :2].flatten(0, 1).numpy(),
+        model.config.least_mode_spread,
+        model.config.dt_s,
+    )
+    return log_weight, torch.from_numpy(moved).view_as(mean), covariance
 
 
 @torch.no_grad()
@@ -89,9 +97,6 @@ def validate(
             position = mean[rows][..., :2].numpy()
             weight = log_weight[rows].exp().numpy()
             spread = covariance[rows][..., :2, :2].numpy()
-            position = with_least_spread(
-                position, weight, spread, model.config.least_mode_spread, model.config.dt_s
-            )
             group = fields["group"][rows].numpy()
             if protocol == "all":
                 samples.append(
